@@ -1,0 +1,66 @@
+"""What can go wrong, said so that it can be mended: where, what, and the cure."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong (``error``) or odd (``warning``) with an input.
+
+    Parameters
+    ----------
+    where
+        The place: file, group, variable, option or parameter.
+    what
+        What was found there, with the value.
+    cure
+        What the user can do about it.
+    severity
+        An ``error`` stops the work, a ``warning`` does not.
+    """
+
+    where: str
+    what: str
+    cure: str
+    severity: Literal["error", "warning"] = "error"
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.what.rstrip('.')}. {self.cure.rstrip('.')}."
+
+
+class MofitError(Exception):
+    """Base of every error that mofit raises on purpose."""
+
+
+class InputError(MofitError):
+    """The input cannot be used (exit code 2). Carries every fault found, not just the first."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(faults)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+    @classmethod
+    def of(cls, where: str, what: str, cure: str) -> InputError:
+        """An error with a single fault."""
+        return cls([Fault(where, what, cure)])
+
+
+def raise_errors(faults: Iterable[Fault]) -> None:
+    """Raise one `InputError` with all faults of severity ``error``, if there are any."""
+    errors = [fault for fault in faults if fault.severity == "error"]
+    if errors:
+        raise InputError(errors)
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A cure for an unknown name: the closest known one, else the list of all."""
+    known = sorted(known)
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"Did you mean '{close[0]}'?"
+    return f"Known are: {', '.join(known) or 'none'}"

@@ -1,0 +1,176 @@
+"""Parameters with units and bounds, and the box that search, refine and sample move in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mofit.errors import Fault, InputError, did_you_mean, raise_errors
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a model or an effect, in SI units.
+
+    Parameters
+    ----------
+    name
+        Identifier, as in the model's equations.
+    unit
+        SI unit, e.g. ``"N s/m"``; ``"1"`` if it has none.
+    lower, upper
+        Bounds of the box that is searched.
+    nominal
+        A typical value inside the bounds; used where nothing was identified.
+    scale
+        ``"log"`` for a positive scale parameter (its logarithm is searched), else ``"linear"``.
+    description
+        A few words for tables and reports.
+    neutral
+        For effects: the value at which the effect vanishes.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    nominal: float
+    scale: Literal["linear", "log"] = "linear"
+    description: str = ""
+    neutral: float | None = None
+
+    def faults(self) -> list[Fault]:
+        """Everything that makes this parameter unusable."""
+        where = f"parameter '{self.name}'"
+        found = []
+        if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
+            found.append(Fault(where, f"bounds [{self.lower}, {self.upper}] are not finite", "Give finite bounds"))
+        elif not self.lower < self.upper:
+            found.append(
+                Fault(where, f"lower bound {self.lower:g} is not below upper bound {self.upper:g}", "Swap or widen them")
+            )
+        elif not self.lower <= self.nominal <= self.upper:
+            found.append(
+                Fault(
+                    where,
+                    f"nominal value {self.nominal:g} lies outside [{self.lower:g}, {self.upper:g}]",
+                    "Move it inside the bounds",
+                )
+            )
+        if self.scale == "log" and not self.lower > 0:
+            found.append(
+                Fault(where, f"a log scale needs a lower bound above 0, got {self.lower:g}", "Raise it or use 'linear'")
+            )
+        return found
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    r"""An ordered set of parameters, and the map between their values and the unit cube.
+
+    With :math:`u \in [0, 1]`: linear scale :math:`p = l + u (h - l)`,
+    log scale :math:`p = l (h / l)^u`.
+
+    Raises
+    ------
+    InputError
+        With every fault of every parameter (bounds, nominal value, names used twice).
+    """
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        faults = [fault for parameter in self.parameters for fault in parameter.faults()]
+        for name in {n for n in self.names if self.names.count(n) > 1}:
+            faults.append(Fault(f"parameter '{name}'", "the name is used twice", "Rename one of them"))
+        raise_errors(faults)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self.parameters[self.index(name)]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @cached_property
+    def lower(self) -> Array:
+        """Lower bounds, shape (d,)."""
+        return np.array([parameter.lower for parameter in self.parameters], dtype=float)
+
+    @cached_property
+    def upper(self) -> Array:
+        """Upper bounds, shape (d,)."""
+        return np.array([parameter.upper for parameter in self.parameters], dtype=float)
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Nominal values, shape (d,)."""
+        return np.array([parameter.nominal for parameter in self.parameters], dtype=float)
+
+    @cached_property
+    def _is_log(self) -> NDArray[np.bool_]:
+        return np.array([parameter.scale == "log" for parameter in self.parameters], dtype=bool)
+
+    @cached_property
+    def _base(self) -> tuple[Array, Array]:
+        """Origin and width of the box in scaled coordinates (log where the scale is log)."""
+        low, high = self.lower.copy(), self.upper.copy()
+        low[self._is_log], high[self._is_log] = np.log(low[self._is_log]), np.log(high[self._is_log])
+        return low, high - low
+
+    def index(self, name: str) -> int:
+        """Position of a parameter.
+
+        Raises
+        ------
+        InputError
+            If there is none of that name; names the closest one.
+        """
+        try:
+            return self.names.index(name)
+        except ValueError:
+            raise InputError.of(f"parameter '{name}'", "unknown name", did_you_mean(name, self.names)) from None
+
+    def subset(self, names: Iterable[str]) -> ParameterSpace:
+        """The space of the named parameters, in the order given."""
+        return ParameterSpace(tuple(self[name] for name in names))
+
+    def with_bounds(self, name: str, lower: float, upper: float) -> ParameterSpace:
+        """The space with other bounds for one parameter; its nominal value is clipped into them."""
+        changed = list(self.parameters)
+        position = self.index(name)
+        nominal = min(max(changed[position].nominal, lower), upper)
+        changed[position] = replace(changed[position], lower=lower, upper=upper, nominal=nominal)
+        return ParameterSpace(tuple(changed))
+
+    def to_unit(self, values: ArrayLike) -> Array:
+        """Map values, shape (..., d), to the unit cube."""
+        scaled = np.array(values, dtype=float)
+        scaled[..., self._is_log] = np.log(scaled[..., self._is_log])
+        origin, width = self._base
+        return (scaled - origin) / width
+
+    def from_unit(self, unit: ArrayLike) -> Array:
+        """Map points of the unit cube, shape (..., d), to values."""
+        origin, width = self._base
+        values = origin + np.asarray(unit, dtype=float) * width
+        values[..., self._is_log] = np.exp(values[..., self._is_log])
+        return np.clip(values, self.lower, self.upper)
+
+    def slope(self, values: ArrayLike) -> Array:
+        """Derivative of value with respect to unit coordinate, shape (..., d)."""
+        values = np.asarray(values, dtype=float)
+        _, width = self._base
+        return np.where(self._is_log, values * width, np.broadcast_to(width, values.shape))
