@@ -1,0 +1,103 @@
+"""Steady-state lateral force over slip: the TMeasy curve."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from mofit.model import Channel, Condition, Equations, Model
+from mofit.parameters import Parameter
+
+if TYPE_CHECKING:
+    from mofit.model import Symbols
+
+# Tests up to 4 degrees end well before the maximum and say nothing about sliding: fixed ratios, typical of car tyres.
+SLIDING_SLIP = 3.0
+"""s_S / s_M"""
+SLIDING_FORCE = 0.95
+"""F_S / F_M"""
+
+TMEASY_PARAMETERS = (
+    Parameter("dF0", "N", 1e4, 3e5, 6e4, "log", "initial slope of force over slip"),
+    Parameter("s_M", "1", 0.03, 1.0, 0.13, "log", "slip at the maximum force"),
+    Parameter("F_M", "N", 300.0, 2e4, 3000.0, "log", "maximum force"),
+)
+
+ROLLING_CONDITIONS = (
+    Condition("longitudinal_velocity", "m/s", None, "speed of the wheel centre along its heading, v"),
+    Condition("slip_normalisation", "1", 1.0, "slip normalisation factor; 1 leaves the slip as it is"),
+    Condition("fictitious_velocity", "m/s", 0.01, "keeps the slip finite at standstill, v_N"),
+)
+
+
+def lateral_slip(s: Symbols) -> tuple[ca.SX, ca.SX]:
+    r"""Normalised lateral slip and transport velocity of a free-rolling wheel.
+
+    .. math::
+        v^* = v \cos\alpha \, \hat s + v_N, \qquad s = \frac{-v_y}{v^*}, \quad v_y = -v \sin\alpha
+
+    Eq. (3) of Hackl et al. 2016 with :math:`r_D |\Omega| = v \cos\alpha`.
+
+    Returns
+    -------
+    slip
+        [1], positive for a positive slip angle; quantity ``lateral_slip``.
+    transport_velocity
+        [m/s]; quantity ``transport_velocity``.
+    """
+    angle, speed = s.slip_angle, s.longitudinal_velocity
+    transport = s.quantity(
+        "transport_velocity", ca.fabs(speed * ca.cos(angle)) * s.slip_normalisation + s.fictitious_velocity
+    )
+    return s.quantity("lateral_slip", speed * ca.sin(angle) / transport), transport
+
+
+def slip_stiffness(s: Symbols, slip: ca.SX) -> ca.SX:
+    r"""Secant slope :math:`f_G = F / s` of the TMeasy curve [N], finite at zero slip.
+
+    With :math:`\sigma = |s| / s_M` and :math:`\kappa = dF_0 s_M / F_M`
+
+    .. math::
+        F = \begin{cases}
+            dF_0 \, |s| / (1 + \sigma (\sigma + \kappa - 2))        & |s| \le s_M \\
+            F_M - (F_M - F_S) \, \tau^2 (3 - 2 \tau), \quad
+                \tau = (|s| - s_M) / (s_S - s_M)                    & s_M < |s| < s_S \\
+            F_S                                                     & |s| \ge s_S
+        \end{cases}
+
+    The slope is continuous throughout; it is :math:`dF_0` at zero and 0 at :math:`s_M`.
+    :math:`s_S = 3 s_M` and :math:`F_S = 0.95 F_M` are fixed ratios.
+
+    References
+    ----------
+    Rill, "First order tire dynamics", III ECCM 2006; Hirschberg, Rill & Weinfurter, "Tire model TMeasy", Vehicle
+    System Dynamics 45 (2007), 101–119.
+    """
+    size = ca.fabs(slip)
+    sigma = ca.fmin(size / s.s_M, 1)
+    rising = s.dF0 / (1 + sigma * (sigma + s.dF0 * s.s_M / s.F_M - 2))
+    tau = ca.fmin(ca.fmax((size / s.s_M - 1) / (SLIDING_SLIP - 1), 0), 1)
+    falling = s.F_M * (1 - (1 - SLIDING_FORCE) * tau**2 * (3 - 2 * tau)) / ca.fmax(size, s.s_M)
+    return ca.if_else(size <= s.s_M, rising, falling)
+
+
+class TMeasyCurve(Model):
+    r"""Steady-state lateral force :math:`F = f_G(s) \, s`; see `lateral_slip` and `slip_stiffness`.
+
+    A positive slip angle [rad] gives a positive lateral force [N]. Only the rising part (dF0, s_M, F_M) is
+    identified: tests of 1 to 4 degrees end before the maximum.
+    """
+
+    name = "tmeasy_curve"
+    title = "TMeasy steady-state curve"
+    parameters = TMEASY_PARAMETERS
+    inputs = (Channel("slip_angle", "rad", "slip angle"),)
+    outputs = (Channel("lateral_force", "N", "lateral force"),)
+    conditions = ROLLING_CONDITIONS
+
+    def equations(self, s: Symbols) -> Equations:
+        """Force of the settled tyre."""
+        slip, _ = lateral_slip(s)
+        force = s.quantity("steady_state_force", slip_stiffness(s, slip) * slip)
+        return Equations(outputs={"lateral_force": force})
