@@ -55,7 +55,9 @@ class Parameter:
             found.append(Fault(where, f"bounds [{self.lower}, {self.upper}] are not finite", "Give finite bounds"))
         elif not self.lower < self.upper:
             found.append(
-                Fault(where, f"lower bound {self.lower:g} is not below upper bound {self.upper:g}", "Swap or widen them")
+                Fault(
+                    where, f"lower bound {self.lower:g} is not below upper bound {self.upper:g}", "Swap or widen them"
+                )
             )
         elif not self.lower <= self.nominal <= self.upper:
             found.append(

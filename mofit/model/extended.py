@@ -23,7 +23,9 @@ class ExtendedModel(Model):
         self.hooks = tuple(hooks)
         effects = [effect for effect, _ in self.hooks]
         self.name = "+".join([base.name, *(effect.name for effect in effects)])
-        self.title = " with ".join([base.title or base.name, ", ".join(effect.title or effect.name for effect in effects)])
+        self.title = " with ".join(
+            [base.title or base.name, ", ".join(effect.title or effect.name for effect in effects)]
+        )
         self.parameters = base.parameters + tuple(p for effect in effects for p in effect.parameters)
         self.states = base.states + tuple(state for effect in effects for state in effect.states)
         self.inputs, self.outputs, self.conditions = base.inputs, base.outputs, base.conditions
