@@ -1,0 +1,98 @@
+"""Units as people write them, into SI."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mofit.errors import MofitError
+
+if TYPE_CHECKING:
+    import pint
+
+Array = NDArray[np.float64]
+
+#: SI units as mofit spells them; for an unknown channel the first with the same dimension is taken
+SI_UNITS = (
+    "1", "s", "m", "kg", "A", "K", "rad", "Hz", "N", "Pa", "J", "W", "V", "C", "T", "ohm",
+    "m/s", "m/s^2", "rad/s", "rad/s^2", "N m", "N/m", "N s/m", "N/m^3", "N/rad", "N m/rad", "N/V",
+    "1/m", "m^2", "m^3", "kg/m^3",
+)  # fmt: skip
+
+_PLAIN = {"-": "1", "": "1", "%": "percent", "°": "deg", "°/s": "deg/s", "°C": "degC"}
+
+
+class UnitError(MofitError):
+    """A unit that is unknown or does not fit; the message names both units."""
+
+
+def normal(unit: str) -> str:
+    """A unit spelt the way of `SI_UNITS`: ``N*s/m`` and ``N·s/m`` become ``N s/m``."""
+    unit = unit.strip()
+    unit = _PLAIN.get(unit, unit).replace("**", "^").replace("·", " ").replace("*", " ")
+    unit = unit.replace("²", "^2").replace("³", "^3")
+    unit = re.sub(r"\s+", " ", re.sub(r"\s*/\s*", "/", unit))
+    return re.sub(r"(?<=[A-Za-z])(-?\d)", r"^\1", unit) if "^" not in unit else unit
+
+
+def si_unit(unit: str) -> str:
+    """SI unit of the same dimension, spelt as in `SI_UNITS`.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or of a dimension that mofit has no SI spelling for.
+    """
+    unit = normal(unit)
+    if unit in SI_UNITS:
+        return unit
+    root = _root(unit)
+    for known in SI_UNITS:
+        if _root(known) == root:
+            return known
+    raise UnitError(f"no SI unit known for '{unit}'")
+
+
+def to_si(values: ArrayLike, unit: str, target: str) -> Array:
+    """Convert values to the SI unit ``target``.
+
+    An angle is not a plain number here: ``deg`` converts to ``rad``, ``1`` does not.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown or of another dimension.
+    """
+    array = np.asarray(values, dtype=float)
+    unit, target = normal(unit), normal(target)
+    if unit == target:
+        return array
+    if _root(unit) != _root(target):
+        raise UnitError(f"unit '{unit}' does not fit '{target}'")
+    return np.asarray(_registry().Quantity(array, _parse(unit)).to(_parse(target)).magnitude, dtype=float)
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    # imported here because pint takes longer to import than a campaign to read
+    import pint
+
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+
+
+@cache
+def _parse(unit: str) -> pint.Unit:
+    try:
+        return _registry().Unit("dimensionless" if unit == "1" else unit)
+    except Exception as error:  # pint raises its own, tokenizer and type errors alike
+        raise UnitError(f"unknown unit '{unit}'") from error
+
+
+@cache
+def _root(unit: str) -> object:
+    # root units keep the radian that dimensions lose
+    return _registry().get_root_units(_parse(unit), check_nonmult=False)[1]
