@@ -1,0 +1,21 @@
+"""What is minimised: NRMSD per test for the search, a likelihood for refinement and sampling."""
+
+from mofit.objectives.likelihood import (
+    Noise,
+    TestSums,
+    effective_samples,
+    likelihood_terms,
+    negative_log_likelihood,
+)
+from mofit.objectives.nrmsd import nrmsd
+from mofit.objectives.prior import GaussianPrior
+
+__all__ = [
+    "GaussianPrior",
+    "Noise",
+    "TestSums",
+    "effective_samples",
+    "likelihood_terms",
+    "negative_log_likelihood",
+    "nrmsd",
+]

@@ -1,0 +1,292 @@
+"""The one hand-over object: a model, the tests it is held against, what is free, and what the noise is like."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.campaign import Campaign, Measurement
+from mofit.errors import Fault, InputError, raise_errors
+from mofit.kernel import Drive, Simulator
+from mofit.model import Model, System, build_system
+from mofit.objectives import (
+    GaussianPrior,
+    Noise,
+    TestSums,
+    effective_samples,
+    likelihood_terms,
+    negative_log_likelihood,
+    nrmsd,
+)
+from mofit.parameters import ParameterSpace
+from mofit.signals import Record, analyse, smooth_derivative
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Search, refinement, sampling and diagnosis all read this.
+
+    Points are given in the unit cube of ``space``, batched: ``u`` has shape (N, d). A point outside the cube or whose
+    simulation fails has objective nan and log posterior -inf.
+
+    Attributes
+    ----------
+    model, system
+        The model and its vector form.
+    measurements, records
+        The tests used, and what their signals say (period, transient, noise).
+    space
+        The free parameters.
+    fixed
+        Values of the others.
+    simulator
+        The compiled model, driven by the tests.
+    drives
+        The tests as the kernel sees them.
+    noise
+        Counted and independent residuals per test.
+    prior
+        What earlier stages know of some free parameters.
+    """
+
+    model: Model
+    system: System
+    measurements: tuple[Measurement, ...]
+    records: tuple[Record, ...]
+    space: ParameterSpace
+    fixed: Mapping[str, float]
+    simulator: Simulator
+    drives: tuple[Drive, ...]
+    noise: Noise
+    prior: GaussianPrior | None = None
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Names of the tests: one objective each."""
+        return tuple(measurement.name for measurement in self.measurements)
+
+    @cached_property
+    def _prior_terms(self) -> tuple[Array, Array]:
+        if self.prior is None:
+            return np.full(len(self.space), 0.5), np.zeros((len(self.space), len(self.space)))
+        return self.prior.spread_over(self.space.names)
+
+    def full(self, u: Array) -> Array:
+        """Values of all the system's parameters, shape (N, p), from points u (N, d)."""
+        values = self.space.from_unit(u)
+        columns = [
+            values[:, self.space.index(name)] if name in self.space.names else np.full(len(u), self.fixed[name])
+            for name in self.system.parameters
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(u), 0))
+
+    def objectives(self, u: Array) -> Array:
+        """NRMSD per test (eq. 10), shape (N, tests)."""
+        return nrmsd(self.simulator.cost(self.full(u)), self.noise.count)
+
+    def sums(self, u: Array) -> TestSums:
+        """Cost, gradient and Gauss-Newton matrix per test, in unit coordinates."""
+        values = self.full(u)
+        cost, gradient, normal = self.simulator.gauss_newton(values)
+        slope = self.space.slope(self.space.from_unit(u))
+        return TestSums(
+            cost=cost,
+            gradient=gradient * slope[:, None, :],
+            normal=normal * slope[:, None, :, None] * slope[:, None, None, :],
+        )
+
+    def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
+        """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        value, gradient, hessian = likelihood_terms(self.sums(u), self.noise)
+        mean, precision = self._prior_terms
+        offset = u - mean
+        pull = offset @ precision
+        return value + 0.5 * np.sum(pull * offset, axis=1), gradient + pull, hessian + precision
+
+    def log_posterior(self, u: Array) -> Array:
+        """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
+        result = np.full(len(u), -np.inf)
+        inside = np.all((u >= 0) & (u <= 1), axis=1)
+        if not inside.any():
+            return result
+        points = u[inside]
+        mean, precision = self._prior_terms
+        offset = points - mean
+        value = negative_log_likelihood(self.simulator.cost(self.full(points)), self.noise)
+        value = value + 0.5 * np.einsum("ni,ij,nj->n", offset, precision, offset)
+        result[inside] = np.where(np.isfinite(value), -value, -np.inf)
+        return result
+
+    def simulate(self, u: Array) -> list[Array]:
+        """Simulated outputs per test, shape (N, samples, outputs)."""
+        return self.simulator.simulate(self.full(u))
+
+    def with_noise_at(self, u: Array) -> Problem:
+        """The problem with the independent residuals counted at one point u (d,)."""
+        independent = []
+        for drive, output in zip(self.drives, self.simulate(u[None]), strict=True):
+            used = drive.weights[:, 0] > 0
+            columns = (output[0] - drive.measured)[used].T
+            independent.append(sum(effective_samples(column) for column in columns))
+        return replace(self, noise=replace(self.noise, independent=np.array(independent)))
+
+    def select(self, tests: Sequence[str]) -> Problem:
+        """The same problem on some of its tests."""
+        index = [self.tests.index(name) for name in tests]
+        drives = tuple(self.drives[i] for i in index)
+        return replace(
+            self,
+            measurements=tuple(self.measurements[i] for i in index),
+            records=tuple(self.records[i] for i in index),
+            drives=drives,
+            simulator=self.simulator.select(index),
+            noise=Noise(self.noise.count[index], self.noise.independent[index]),
+        )
+
+
+def build_problem(
+    model: Model,
+    campaign: Campaign,
+    *,
+    space: ParameterSpace | None = None,
+    fixed: Mapping[str, float] | None = None,
+    prior: GaussianPrior | None = None,
+    settled: bool = False,
+    jobs: int = 1,
+) -> Problem:
+    """Join a model and the tests of a campaign.
+
+    Parameters
+    ----------
+    model
+        Its channels and conditions are looked up in every test.
+    campaign
+        All of its tests are used.
+    space
+        Free parameters; all of the model's if not given.
+    fixed
+        Values of parameters that are not free; nominal if not given.
+    prior
+        Knowledge from earlier stages.
+    settled
+        Use only the samples after each test's transient, periodic or not.
+    jobs
+        Threads; results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        With every channel and condition that a test lacks.
+    """
+    system = build_system(model)
+    _require(model, campaign)
+    everything = ParameterSpace(model.parameters)
+    space = everything if space is None else space
+    values = {p.name: p.nominal for p in model.parameters if p.name not in space.names} | dict(fixed or {})
+    records = tuple(analyse(measurement, _first_input(model), model.outputs[0].name)
+                    for measurement in campaign.measurements)  # fmt: skip
+    drives = tuple(
+        _drive(model, measurement, record, settled)
+        for measurement, record in zip(campaign.measurements, records, strict=True)
+    )
+    count = np.array([np.count_nonzero(drive.weights) for drive in drives], dtype=float)
+    lower, upper = _box(model, space, values)
+    simulator = Simulator(system, drives, space.names, jobs=jobs, box=(lower, upper))
+    return Problem(
+        model=model,
+        system=system,
+        measurements=tuple(campaign.measurements),
+        records=records,
+        space=space,
+        fixed=values,
+        simulator=simulator,
+        drives=drives,
+        noise=Noise(count, count.copy()),
+        prior=prior,
+    )
+
+
+def _first_input(model: Model) -> str:
+    return model.inputs[0].derivative_of or model.inputs[0].name
+
+
+def _box(model: Model, space: ParameterSpace, fixed: Mapping[str, float]) -> tuple[Array, Array]:
+    """Bounds of every parameter of the system; a fixed one has no width."""
+    lower = [space[p.name].lower if p.name in space.names else fixed[p.name] for p in model.parameters]
+    upper = [space[p.name].upper if p.name in space.names else fixed[p.name] for p in model.parameters]
+    return np.array(lower), np.array(upper)
+
+
+def _require(model: Model, campaign: Campaign) -> None:
+    if not campaign.measurements:
+        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
+    faults = []
+    for measurement in campaign.measurements:
+        have = {**measurement.procedure.inputs, **measurement.outputs}
+        for channel in (*model.inputs, *model.outputs):
+            source = channel.derivative_of or channel.name
+            if source not in have:
+                faults.append(
+                    Fault(
+                        f"test '{measurement.name}'",
+                        f"model '{model.name}' needs channel '{source}'; the test has {', '.join(sorted(have))}",
+                        "Choose another model, or name the channel so in the file or the import map",
+                    )
+                )
+        for condition in model.conditions:
+            if condition.default is None and condition.name not in measurement.procedure.conditions:
+                faults.append(
+                    Fault(
+                        f"test '{measurement.name}'",
+                        f"model '{model.name}' needs condition '{condition.name}' in {condition.unit}",
+                        "Add it to the campaign's root or to the test's group",
+                    )
+                )
+    raise_errors(faults)
+
+
+def _drive(model: Model, measurement: Measurement, record: Record, settled: bool) -> Drive:
+    procedure = measurement.procedure
+    derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
+    columns: dict[str, Array] = {}
+    for name in derived:
+        # the smoothed signal goes with its derivative, so that both describe one motion
+        smooth, slope = smooth_derivative(procedure.time, measurement.channel(name), record.noise_sd.get(name))
+        columns[name] = smooth
+        columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
+    inputs = np.stack(
+        [columns.get(channel.name, None) if channel.name in columns else measurement.channel(channel.name)
+         for channel in model.inputs], axis=1,
+    )  # fmt: skip
+    measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
+    start = procedure.time[0]
+    if settled:
+        start += record.transient
+    elif record.period is not None:
+        # a model started from its own initial state needs a period to settle, too
+        start += max(record.transient, record.period if record.periods > 1 else 0.0)
+    used = procedure.time >= start - 0.5 * procedure.step
+    spread = np.ptp(measured, axis=0)
+    if not np.all(spread > 0):
+        raise InputError.of(
+            f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
+        )
+    conditions = [
+        procedure.conditions.get(condition.name, condition.default)
+        for condition in model.conditions
+    ]  # fmt: skip
+    return Drive(
+        name=measurement.name,
+        step=procedure.step,
+        inputs=inputs,
+        hold=procedure.hold,
+        conditions=np.array(conditions, dtype=float),
+        measured=np.where(used[:, None], measured, 0.0),
+        weights=np.where(used[:, None], 1.0 / spread**2, 0.0),
+    )
