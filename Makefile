@@ -69,7 +69,7 @@ $(BENCH): $(READY) requirements-bench.txt
 	@touch $@
 
 # one lock for every Python >= 3.11 and platform (markers); names and versions only
-LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --custom-compile-command "make lock"
 lock: $(READY)
 	$(PIP) install --quiet uv
 	$(LOCK) --upgrade pyproject.toml --group dev --output-file requirements.txt

@@ -25,7 +25,7 @@ FLOORS = {
     **dict.fromkeys(("kernel", "model"), 3),
     **dict.fromkeys(("library", "objectives", "problem"), 4),
     **dict.fromkeys(("refine", "sample", "search"), 5),
-    **dict.fromkeys(("bench", "diagnosis", "identifiability", "identify", "simulate"), 6),
+    **dict.fromkeys(("bench", "calibration", "diagnosis", "identifiability", "identify", "simulate"), 6),
     "cli": 7,
     "__main__": 8,
 }
@@ -220,7 +220,9 @@ INDEX_HOST = re.compile(
 )
 
 
-@pytest.mark.parametrize(("what", "pattern"), [("machine path", MACHINE_PATH), ("index host", INDEX_HOST)])
+@pytest.mark.parametrize(
+    ("what", "pattern"), [("machine path", MACHINE_PATH), ("index host", INDEX_HOST)], ids=["path", "host"]
+)
 def test_no_committed_file_names_a_machine(what: str, pattern: re.Pattern[bytes]) -> None:
     found = [
         f"{path.relative_to(ROOT)}: {match.group().decode()}"
