@@ -1,0 +1,67 @@
+"""Plain arrays become labelled variables: every one carries its unit and says what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+
+def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name: str) -> xr.Variable:
+    """A variable of the result tree.
+
+    Parameters
+    ----------
+    dims
+        Names of the dimensions, in the order of the array's axes.
+    values
+        Numbers in SI units, or strings.
+    units
+        SI unit; ``"1"`` if there is none.
+    long_name
+        What the variable is, in a few words.
+    """
+    return xr.Variable(dims, np.asarray(values), {"units": units, "long_name": long_name})
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One signal of one test, or many draws of it.
+
+    Parameters
+    ----------
+    test
+        Name of the test; the time dimension is called ``time_<test>`` since lengths differ between tests.
+    time
+        Shape (n,), s.
+    values
+        Shape (n,), or (chain, draw, n) for draws from a posterior.
+    units, long_name
+        As in `quantity`.
+    """
+
+    test: str
+    time: ArrayLike
+    values: ArrayLike
+    units: str
+    long_name: str
+
+
+def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
+    """Signals of several tests in one dataset, each over its own ``time_<test>``.
+
+    Parameters
+    ----------
+    signals
+        Variable name to signal, e.g. ``{"sine_1": ..., "sine_1_slip_angle": ...}``.
+    """
+    variables, coords = {}, {}
+    for name, signal in signals.items():
+        time = f"time_{signal.test}"
+        lead = ("chain", "draw") if np.ndim(signal.values) == 3 else ()
+        variables[name] = quantity((*lead, time), signal.values, signal.units, signal.long_name)
+        coords[time] = quantity(time, signal.time, "s", f"time of {signal.test}")
+    return xr.Dataset(variables, coords)
