@@ -1,0 +1,7 @@
+"""Local refinement: from start points to distinct minima, with exact gradients and bounds."""
+
+from mofit.refine.merge import MergeSettings, merge
+from mofit.refine.refine import RefineSettings, refine
+from mofit.refine.result import Minimum, Refined
+
+__all__ = ["MergeSettings", "Minimum", "RefineSettings", "Refined", "merge", "refine"]

@@ -1,0 +1,108 @@
+"""Which of the refined points are the same minimum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mofit.parameters import Array
+from mofit.refine.result import Minimum, Refined
+
+Values = Callable[[Array], Array]
+"""Points (N, d) of the unit cube to the negative log posterior (N,), nan where it fails."""
+
+
+@dataclass(frozen=True)
+class MergeSettings:
+    """When two refined points are one minimum."""
+
+    deviations: float = 0.5
+    """Largest distance in posterior standard deviations, by the better point's Hessian."""
+    width: float = 0.05
+    """Largest distance of a coordinate in box widths: guards directions whose standard deviation is wide."""
+    value: float = 0.5
+    """Largest difference of the negative log posterior, in nats."""
+    barrier: float = 1.0
+    """Two points are also one minimum if the value on the straight line between them never rises more than this above
+    the worse of the two, in nats: a density ratio of e is no obstacle to a sampler."""
+    samples: int = 9
+    """Interior points of that line (Ursem 1999, the hill-valley test, uses 3 to 10)."""
+
+
+def merge(refined: Refined, settings: MergeSettings | None = None, values: Values | None = None) -> tuple[Minimum, ...]:
+    r"""Distinct minima, best first.
+
+    Points are taken from the best to the worst; each joins the first minimum that it equals, else it is a new one. It
+    equals a minimum u if
+
+    - it is close: :math:`\sqrt{\Delta^T H(u) \Delta}`, :math:`\max_i |\Delta_i|` and the difference of the values
+      are all within the settings; or
+    - `values` is given and no hill lies between the two (hill-valley test). This joins points along a flat
+      valley, and points that ended early on the slope of a better minimum.
+
+    A curved valley may still be cut into several minima. Failed starts are left out.
+
+    Parameters
+    ----------
+    refined
+        Result of `refine`.
+    settings
+        Tolerances.
+    values
+        Batched negative log posterior for the hill-valley test.
+
+    References
+    ----------
+    Ursem: Multinational evolutionary algorithms, CEC 1999.
+    """
+    settings = settings or MergeSettings()
+    groups: list[list[int]] = []
+    for row in np.argsort(refined.values, kind="stable"):
+        if np.isnan(refined.values[row]):
+            continue
+        home = next((group for group in groups if _close(refined, group[0], int(row), settings)), None)
+        if home is None and values is not None and groups:
+            home = _same_valley(refined, groups, int(row), settings, values)
+        if home is None:
+            groups.append([int(row)])
+        else:
+            home.append(int(row))
+    return tuple(_minimum(refined, group) for group in groups)
+
+
+def _close(refined: Refined, best: int, row: int, settings: MergeSettings) -> bool:
+    gap = refined.points[row] - refined.points[best]
+    deviations = np.sqrt(max(float(gap @ refined.hessians[best] @ gap), 0.0))
+    return bool(
+        deviations <= settings.deviations
+        and np.max(np.abs(gap)) <= settings.width
+        and refined.values[row] - refined.values[best] <= settings.value
+    )
+
+
+def _same_valley(
+    refined: Refined, groups: list[list[int]], row: int, settings: MergeSettings, values: Values
+) -> list[int] | None:
+    """The first group that no hill separates from the point; all lines are evaluated in one call."""
+    along = np.linspace(0.0, 1.0, settings.samples + 2)[1:-1]
+    ends = refined.points[[group[0] for group in groups]]
+    lines = refined.points[row] + along[None, :, None] * (ends - refined.points[row])[:, None, :]
+    heights = np.asarray(values(lines.reshape(-1, lines.shape[-1]))).reshape(len(groups), -1)
+    open_way = np.all(heights <= refined.values[row] + settings.barrier, axis=1)  # nan is a hill
+    return groups[int(np.argmax(open_way))] if open_way.any() else None
+
+
+def _minimum(refined: Refined, group: list[int]) -> Minimum:
+    best = group[0]
+    return Minimum(
+        point=refined.points[best],
+        value=float(refined.values[best]),
+        gradient=refined.gradients[best],
+        hessian=refined.hessians[best],
+        gradient_norm=float(refined.gradient_norms[best]),
+        converged=bool(refined.converged[best]),
+        at_bound=refined.at_bound[best],
+        members=tuple(group),
+    )

@@ -1,0 +1,99 @@
+"""What a search hands over: everything it evaluated, and the points worth refining."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.parameters import Array
+
+Indices = NDArray[np.int64]
+Progress = Callable[[int, int, str], None]
+"""Called as ``progress(done, total, note)``."""
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One line of the history of a search.
+
+    Parameters
+    ----------
+    evaluations
+        Points evaluated so far.
+    best
+        Smallest cost so far; ``inf`` while every evaluation failed.
+    clusters
+        Number of clusters the swarm was split into during the iteration.
+    radius
+        Mean cluster radius in the unit cube when these clusters were formed (0 before the first clustering).
+    """
+
+    evaluations: int
+    best: float
+    clusters: int
+    radius: float
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """The outcome of a search in the unit cube.
+
+    Parameters
+    ----------
+    method
+        Name of the search, e.g. ``"effa"``.
+    points
+        All evaluated points in order, shape (evaluation, d).
+    objectives
+        Their objective vectors, shape (evaluation, objective); nan where a simulation failed.
+    cost
+        Their scalar cost, shape (evaluation,); ``inf`` where a simulation failed.
+    stored
+        Rows of `points` that were archived as bests of a cluster, in the order of storing, without repeats.
+    swarm
+        Rows of `points` that hold the final swarm, shape (firefly,).
+    labels
+        Cluster of each firefly of the final swarm, counted from 0.
+    front
+        Rows of `points` that no other point dominates (see `nondominated`).
+    history
+        One entry per iteration, the start first.
+    """
+
+    method: str
+    points: Array
+    objectives: Array
+    cost: Array
+    stored: Indices
+    swarm: Indices
+    labels: Indices
+    front: Indices
+    history: tuple[Iteration, ...]
+
+    @property
+    def evaluations(self) -> int:
+        """Number of evaluated points."""
+        return len(self.points)
+
+    @property
+    def best(self) -> int:
+        """Row of the point of least cost."""
+        return int(np.argmin(self.cost))
+
+    @property
+    def stored_points(self) -> Array:
+        """Archived cluster bests, shape (stored, d)."""
+        return self.points[self.stored]
+
+    @property
+    def stored_cost(self) -> Array:
+        """Cost of the archived cluster bests, shape (stored,)."""
+        return self.cost[self.stored]
+
+    @property
+    def fireflies(self) -> Array:
+        """Final swarm, shape (firefly, d)."""
+        return self.points[self.swarm]
