@@ -1,0 +1,88 @@
+"""The host as a target of LLVM: code in, callable addresses out."""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import itertools
+import threading
+from dataclasses import dataclass
+from functools import cache
+
+import llvmlite.binding as llvm
+
+_serial = itertools.count()
+_lock = threading.RLock()
+
+
+@dataclass(frozen=True)
+class Host:
+    """What LLVM needs to know about this machine. ``width`` is the number of doubles in a register."""
+
+    machine: llvm.TargetMachine
+    jit: llvm.LLJIT
+    width: int
+    fma: bool
+
+
+@cache
+def host() -> Host:
+    """This machine, with its widest vector registers in use."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    features = llvm.get_host_cpu_features()
+    features["prefer-256-bit"] = False
+    x86 = llvm.get_process_triple().startswith(("x86", "i686"))
+    if not x86:
+        del features["prefer-256-bit"]
+    width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+
+    def machine() -> llvm.TargetMachine:
+        return target.create_target_machine(
+            cpu=llvm.get_host_cpu_name(), features=features.flatten(), opt=2, reloc="pic", codemodel="small", jit=True
+        )
+
+    jit = llvm.create_lljit_compiler(machine(), use_jit_link=False)
+    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True)
+
+
+@cache
+def libm_address(name: str) -> int:
+    """Address of a function of the C mathematics library."""
+    library = ctypes.CDLL(ctypes.util.find_library("m") or None)
+    return int(ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0)
+
+
+@dataclass(frozen=True)
+class Code:
+    """Machine code in memory; it lives as long as this object."""
+
+    tracker: llvm.ResourceTracker
+    entry: ctypes._CFuncPtr  # type: ignore[name-defined]
+
+
+def compile_entry(text: str, libm: tuple[str, ...], signature: type) -> Code:
+    """Compile LLVM IR whose entry function is ``run``.
+
+    Parameters
+    ----------
+    text
+        A module.
+    libm
+        Functions of the C mathematics library that it calls, declared as ``libm_<name>``.
+    signature
+        The ctypes type of ``run``.
+    """
+    with _lock:
+        target = host()
+        module = llvm.parse_assembly(text)
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
+        builder = llvm.create_pass_builder(target.machine, options)
+        builder.getModulePassManager().run(module, builder)
+        library = llvm.JITLibraryBuilder().add_object_img(target.machine.emit_object(module)).export_symbol("run")
+        for name in libm:
+            library.import_symbol(f"libm_{name}", libm_address(name))
+        tracker = library.link(target.jit, f"mofit_{next(_serial)}")
+        return Code(tracker, signature(tracker["run"]))

@@ -1,0 +1,55 @@
+"""Small models with known answers."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from mofit.kernel import Drive
+from mofit.model import Channel, Equations, Model, System, build_system
+from mofit.parameters import Parameter
+
+
+class Relaxation(Model):
+    """x' = (u - x) / tau from x(0) = start; y = gain x."""
+
+    name = "relaxation"
+    states = (Channel("x", "m"),)
+    inputs = (Channel("u", "m"),)
+    outputs = (Channel("y", "N"),)
+    parameters = (
+        Parameter("tau", "s", 1e-6, 10.0, 0.3, "log"),
+        Parameter("gain", "N/m", 0.1, 10.0, 2.0),
+        Parameter("start", "m", -1.0, 1.0, 0.5),
+    )
+
+    def equations(self, s):
+        return Equations({"y": s.gain * s.x}, {"x": (s.u - s.x) / s.tau}, {"x": s.start})
+
+
+class Static(Model):
+    """y = k |u|^1.5 sign(u) + b; no states."""
+
+    name = "static"
+    inputs = (Channel("u", "m"),)
+    outputs = (Channel("y", "N"),)
+    parameters = (Parameter("k", "N", 0.1, 10.0, 2.0), Parameter("b", "N", -1.0, 1.0, 0.5))
+
+    def equations(self, s):
+        return Equations({"y": s.k * ca.fabs(s.u) ** 1.5 * ca.sign(s.u) + s.b})
+
+
+def sine_drive(system: System, frequency: float = 1.0, samples: int = 200, step: float = 0.01, **other) -> Drive:
+    """A sine on every input; measured outputs are noise; the first tenth has no weight."""
+    rng = np.random.default_rng(7)
+    time = np.arange(samples) * step
+    amplitude = other.pop("amplitude", 1.0)
+    inputs = np.tile(amplitude * np.sin(2 * np.pi * frequency * time)[:, None], (1, len(system.inputs)))
+    weights = rng.uniform(0.5, 2.0, (samples, len(system.outputs)))
+    weights[: samples // 10] = 0
+    measured = rng.normal(size=weights.shape) * (weights != 0) * other.pop("scale", 1.0)
+    conditions = np.asarray(other.pop("conditions", np.zeros(len(system.conditions))), dtype=float)
+    return Drive(f"{frequency:g} Hz", step, inputs, other.pop("hold", "cubic"), conditions, measured, weights)
+
+
+RELAXATION, STATIC = build_system(Relaxation()), build_system(Static())
