@@ -1,0 +1,51 @@
+"""The part of a periodic record in which the rig runs steadily."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+Array = NDArray[np.float64]
+
+#: a window is unsettled while its deviation from the usual period is above so many usual deviations;
+#: a linear drift over the record reaches 2
+UNSETTLED = 3.0
+#: windows per period
+WINDOWS = 8
+#: deviations below this share of the range never count
+NEGLIGIBLE = 1e-3
+
+
+def find_settled(time: Array, values: Array, period: float) -> tuple[float, float]:
+    """Time at the start before a signal repeats, and time at the end after it stopped to, in s.
+
+    The usual period is the median over all periods, sample by sample (two periods: the second).
+    Windows of an eighth of a period deviate from it by so much root mean square; the median is the usual deviation.
+    The transient ends with the last window of the first half that deviates by more than three times
+    the usual, the tail begins with the first such window of the second half.
+
+    With fewer than two periods nothing can be compared: (0, 0).
+    """
+    step = (time[-1] - time[0]) / (len(time) - 1)
+    whole = int((time[-1] - time[0] + 1.5 * step) / period)
+    if whole < 2:
+        return 0.0, 0.0
+    t = time - time[0]
+    samples = max(WINDOWS, round(period / step))
+    phase = np.arange(samples) / samples * period
+    # interpolation smooths the noise of the usual period a little, which matters only to its level
+    stacked = CubicSpline(t, values)(np.minimum(np.arange(whole)[:, None] * period + phase, t[-1]))
+    usual = stacked[-1] if whole == 2 else np.median(stacked, axis=0)
+    wave = CubicSpline(np.append(phase, period), np.append(usual, usual[0]), bc_type="periodic")
+    deviation = values - wave(t % period)
+    window = max(4, round(samples / WINDOWS))
+    edges = np.arange(0, max(len(t) - window, 0) + 1, window)
+    rms = np.sqrt(np.add.reduceat(deviation**2, edges) / np.diff([*edges, len(t)]))
+    level = np.median(rms[: len(rms) // 2] if whole == 2 else rms)
+    late = np.flatnonzero(rms > UNSETTLED * max(level, NEGLIGIBLE * float(np.ptp(values)) / UNSETTLED))
+    middle = len(edges) / 2
+    first, last = late[late < middle], late[late >= middle]
+    transient = float(t[min(edges[first[-1]] + window, len(t) - 1)]) if first.size else 0.0
+    tail = float(t[-1] - t[edges[last[0]]] + step) if last.size and whole > 2 else 0.0
+    return transient, tail
