@@ -1,0 +1,129 @@
+"""One subtree per sampled mode, laid out so that ArviZ opens it."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mofit.assemble.comparison import laplace_sd
+from mofit.assemble.signals import predictions, predictive
+from mofit.outcome import Mode, Outcome
+from mofit.problem import Problem
+from mofit.result import quantity
+from mofit.verdict import contraction, verdict
+
+Array = NDArray[np.float64]
+
+#: Posterior draws simulated for the predictive bands, and the most numbers they may take.
+PREDICTIVE_DRAWS = 100
+PREDICTIVE_NUMBERS = 4_000_000
+
+
+def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
+    """All groups of all clusters by path."""
+    groups = {}
+    for mode in outcome.modes:
+        path = f"/clusters/{mode.name}"
+        draws = mode.chains.thinned()
+        groups[path] = _summary(outcome.problem, mode, draws.points)
+        groups[f"{path}/prediction"] = predictions(outcome.problem, mode.minimum.point)
+        groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
+        groups[f"{path}/sample_stats"] = _sample_stats(mode)
+        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, draws.points)
+        groups[f"{path}/posterior_predictive"] = predictive(
+            outcome.problem, _few(outcome.problem, draws.points)
+        )
+    return groups
+
+
+def _few(problem: Problem, draws: Array) -> Array:
+    """Evenly spread draws, (chain, few, d)."""
+    samples = sum(len(drive.inputs) for drive in problem.drives)
+    wanted = max(1, min(PREDICTIVE_DRAWS, PREDICTIVE_NUMBERS // samples) // len(draws))
+    return draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
+
+
+def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
+    space, minimum, chains = problem.space, mode.minimum, mode.chains
+    samples = draws.reshape(-1, len(space))
+    values = space.from_unit(samples)
+    inverse = np.linalg.inv(minimum.hessian + 12.0 * np.eye(len(space)))
+    scale = np.sqrt(np.diag(inverse))
+    per_parameter = {
+        "value": (space.from_unit(minimum.point), "as unit", "refined minimum"),
+        "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
+        "laplace_sd": (laplace_sd(problem, minimum), "as unit", "standard deviation (Laplace)"),
+        "mean": (values.mean(axis=0), "as unit", "posterior mean"),
+        "sd": (values.std(axis=0, ddof=1), "as unit", "posterior standard deviation"),
+        "q05": (np.quantile(values, 0.05, axis=0), "as unit", "5 % quantile"),
+        "q50": (np.quantile(values, 0.50, axis=0), "as unit", "median"),
+        "q95": (np.quantile(values, 0.95, axis=0), "as unit", "95 % quantile"),
+        "ess": (chains.ess, "1", "effective sample size"),
+        "r_hat": (chains.r_hat, "1", "split R-hat between ensembles"),
+        "tau": (chains.tau, "1", "integrated autocorrelation time in steps"),
+        "contraction": (contraction(samples), "1", "1 - posterior sd / prior sd"),
+        "verdict": (verdict(samples), "1", "what the data say"),
+    }
+    variables = {name: quantity("parameter", *entry) for name, entry in per_parameter.items()}
+    variables["laplace_correlation"] = quantity(
+        ("parameter", "parameter_"), inverse / np.outer(scale, scale), "1", "correlation (Laplace)"
+    )
+    variables["nrmsd"] = quantity("test", problem.objectives(minimum.point[None])[0], "1", "NRMSD at the minimum")
+    return xr.Dataset(
+        variables,
+        {
+            "parameter": ("parameter", list(space.names)),
+            "parameter_": ("parameter_", list(space.names)),
+            "test": ("test", list(problem.tests)),
+        },
+        {
+            "log_evidence": mode.log_evidence,
+            "weight": mode.weight,
+            "log_posterior": -minimum.value,
+            "converged": int(chains.converged),
+            "evaluations": int(chains.evaluations),
+        },
+    )
+
+
+def _posterior(problem: Problem, draws: Array) -> xr.Dataset:
+    values = problem.space.from_unit(draws)
+    return xr.Dataset(
+        {
+            p.name: quantity(("chain", "draw"), values[..., i], p.unit, p.description or p.name)
+            for i, p in enumerate(problem.space.parameters)
+        },
+        _axes(draws),
+    )
+
+
+def _sample_stats(mode: Mode) -> xr.Dataset:
+    draws = mode.chains.thinned()
+    return xr.Dataset(
+        {
+            "lp": quantity(("chain", "draw"), draws.log_posterior, "1", "log posterior density"),
+            "walker": quantity(("chain", "draw"), draws.walker, "1", "walker in its ensemble"),
+            "step": quantity(("chain", "draw"), draws.step, "1", "step of the ensemble"),
+        },
+        _axes(draws.points),
+        {"acceptance": float(np.mean(mode.chains.acceptance))},
+    )
+
+
+def _log_likelihood(problem: Problem, draws: Array) -> xr.Dataset:
+    r"""Log likelihood per test, :math:`-\tfrac{\nu_t}{2} \log C_t` (variance marginalised, constant left out)."""
+    chains, count, dimension = draws.shape
+    squared = problem.objectives(draws.reshape(-1, dimension)) ** 2
+    values = (-0.5 * problem.noise.independent * np.log(squared)).reshape(chains, count, -1)
+    return xr.Dataset(
+        {
+            test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}")
+            for i, test in enumerate(problem.tests)
+        },
+        _axes(draws),
+    )
+
+
+def _axes(draws: Array) -> dict[str, tuple[str, Array]]:
+    return {"chain": ("chain", np.arange(draws.shape[0])), "draw": ("draw", np.arange(draws.shape[1]))}

@@ -1,0 +1,108 @@
+"""What the result is held against: each test alone, the baseline model, the calibration stages."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from mofit.assemble.signals import predictions
+from mofit.calibration import Calibration
+from mofit.labels import title_of
+from mofit.outcome import Outcome
+from mofit.problem import Problem
+from mofit.refine import Minimum
+from mofit.result import quantity
+
+Array = NDArray[np.float64]
+
+#: Table 4 of the paper lists three minima per frequency.
+MINIMA_PER_TEST = 3
+
+
+def laplace_sd(problem: Problem, minimum: Minimum) -> Array:
+    """Standard deviation per parameter at a minimum; no wider than the box allows (variance 1/12)."""
+    spread = np.sqrt(np.diag(np.linalg.inv(minimum.hessian + 12.0 * np.eye(len(minimum.point)))))
+    return np.asarray(spread * problem.space.slope(problem.space.from_unit(minimum.point)))
+
+
+def per_frequency(outcome: Outcome) -> xr.Dataset:
+    """Minima of each test alone, in the layout of the paper's Table 4."""
+    tests, space = list(outcome.per_test), outcome.dynamic.space
+    shape = (len(tests), MINIMA_PER_TEST, len(space))
+    value, sd, nrmsd = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
+    for row, test in enumerate(tests):
+        fit = outcome.per_test[test]
+        for column, minimum in enumerate(fit.minima[:MINIMA_PER_TEST]):
+            value[row, column] = space.from_unit(minimum.point)
+            sd[row, column] = laplace_sd(fit.problem, minimum)
+            nrmsd[row, column] = fit.problem.objectives(minimum.point[None])[0, 0]
+    return xr.Dataset(
+        {
+            "value": quantity(("test", "minimum", "parameter"), value, "as unit", "minimum of this test alone"),
+            "sd": quantity(("test", "minimum", "parameter"), sd, "as unit", "standard deviation (Laplace)"),
+            "nrmsd": quantity(("test", "minimum"), nrmsd, "1", "NRMSD of this test"),
+            "unit": quantity("parameter", [p.unit for p in space.parameters], "1", "SI unit"),
+        },
+        {"test": ("test", tests), "parameter": ("parameter", list(space.names))},
+    )
+
+
+def baseline_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
+    """The baseline model's best minimum, its NRMSD and its simulated outputs."""
+    if outcome.baseline is None:
+        return {}
+    problem, best = outcome.baseline.problem, outcome.baseline.minima[0]
+    values = problem.full(best.point[None])[0]
+    model = problem.model
+    group = xr.Dataset(
+        {
+            "value": quantity("parameter_baseline", values, "as unit", "refined minimum"),
+            "unit": quantity("parameter_baseline", [p.unit for p in model.parameters], "1", "SI unit"),
+            "nrmsd": quantity("test", problem.objectives(best.point[None])[0], "1", "NRMSD per test"),
+        },
+        {
+            "parameter_baseline": ("parameter_baseline", list(problem.system.parameters)),
+            "test": ("test", list(problem.tests)),
+        },
+        {"model": model.name, "model_title": model.title or model.name},
+    )
+    return {"/baseline": group, "/baseline/prediction": predictions(problem, best.point)}
+
+
+def calibration_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
+    """One group per stage, with the fitted curve."""
+    return {f"/calibration/{c.stage.name}": _stage(c) for c in outcome.calibrations}
+
+
+def _stage(calibration: Calibration) -> xr.Dataset:
+    problem, name = calibration.problem, calibration.stage.name
+    dimension = f"parameter_{name}"
+    source, output = problem.model.inputs[0], problem.model.outputs[0]
+    used = [drive.weights[:, 0] > 0 for drive in problem.drives]
+    simulated = problem.simulate(calibration.minimum[None])
+
+    def joined(parts: list[Array]) -> Array:
+        return np.concatenate([part[mask] for part, mask in zip(parts, used, strict=True)])
+
+    return xr.Dataset(
+        {
+            "value": quantity(dimension, list(calibration.values.values()), "as unit", "estimate"),
+            "sd": quantity(dimension, list(calibration.sd.values()), "as unit", "standard deviation"),
+            "unit": quantity(dimension, [p.unit for p in problem.space.parameters], "1", "SI unit"),
+            "x": quantity(
+                "sample", joined([d.inputs[:, 0] for d in problem.drives]), source.unit, title_of(source.name)
+            ),
+            "measured": quantity(
+                "sample", joined([d.measured[:, 0] for d in problem.drives]), output.unit, title_of(output.name)
+            ),
+            "fitted": quantity(
+                "sample", joined([s[0, :, 0] for s in simulated]), output.unit, f"fitted {title_of(output.name)}"
+            ),
+            "nrmsd": quantity(
+                (), float(np.mean(problem.objectives(calibration.minimum[None]))), "1", "mean NRMSD of the stage's tests"
+            ),
+        },
+        {dimension: (dimension, list(problem.space.names))},
+        {"model": problem.model.name, "tests": ", ".join(problem.tests)},
+    )

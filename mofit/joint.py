@@ -1,0 +1,71 @@
+"""One posterior from several kinds of test: the main problem and the calibration stages at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.parameters import ParameterSpace
+from mofit.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class JointProblem:
+    r"""Main problem plus companions which share some of its parameters.
+
+    .. math:: -\log p(\theta) = -\log L_\mathrm{main}(\theta) - \sum_k \log L_k(\theta_{S_k})
+
+    Points are in the unit cube of the main problem's space, as in `Problem`.
+    """
+
+    main: Problem
+    companions: tuple[Problem, ...]
+
+    @property
+    def space(self) -> ParameterSpace:
+        """The main problem's free parameters."""
+        return self.main.space
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Tests of the main problem, then those of the companions."""
+        return self.main.tests + tuple(test for companion in self.companions for test in companion.tests)
+
+    def _share(self, companion: Problem, u: Array) -> tuple[Array, Array, Array]:
+        """A companion's own coordinates, their indices in the main space, and d(own)/d(main)."""
+        names = companion.space.names
+        index = np.array([self.space.index(name) for name in names], dtype=int)
+        values = self.space.from_unit(u)
+        own = values[:, index]
+        stretch = self.space.slope(values)[:, index] / companion.space.slope(own)
+        return companion.space.to_unit(own), index, stretch
+
+    def objectives(self, u: Array) -> Array:
+        """NRMSD per test, shape (N, tests)."""
+        parts = [self.main.objectives(u)]
+        parts += [companion.objectives(self._share(companion, u)[0]) for companion in self.companions]
+        return np.concatenate(parts, axis=1)
+
+    def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
+        """Negative log posterior (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
+        value, gradient, hessian = self.main.evaluate(u)
+        for companion in self.companions:
+            own, index, stretch = self._share(companion, u)
+            more, slope, curvature = companion.evaluate(own)
+            value = value + more
+            gradient[:, index] += slope * stretch
+            hessian[:, index[:, None], index[None, :]] += curvature * stretch[:, :, None] * stretch[:, None, :]
+        return value, gradient, hessian
+
+    def log_posterior(self, u: Array) -> Array:
+        """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
+        result = self.main.log_posterior(u)
+        usable = np.isfinite(result)
+        if usable.any():
+            for companion in self.companions:
+                result[usable] += companion.log_posterior(self._share(companion, u[usable])[0])
+        return result

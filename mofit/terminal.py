@@ -1,0 +1,84 @@
+"""What a person sees in the terminal: progress while working, tables when done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from mofit.progress import Progress as Listener
+
+
+@contextmanager
+def progress_bar() -> Iterator[Listener]:
+    """A listener that draws one bar per stage on standard error; plain words where that is no terminal."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _notes_only(console)
+        return
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[note]}"))
+    with Progress(*columns, console=console) as bar:
+        tasks: dict[str, Any] = {}
+
+        def listen(stage: str, done: float, total: float, note: str) -> None:
+            if stage not in tasks:
+                for name in tasks:
+                    bar.update(tasks[name], completed=bar.tasks[tasks[name]].total or 1)
+                tasks[stage] = bar.add_task(stage, total=total or None, note=note)
+            bar.update(tasks[stage], completed=done, total=total or None, note=note)
+
+        yield listen
+
+
+def _notes_only(console: Console) -> Listener:
+    """Only what a log should keep: remarks made outside any count."""
+
+    def listen(stage: str, done: float, total: float, note: str) -> None:
+        if total == 0 and note:
+            console.print(f"mofit: {note}", highlight=False)
+
+    return listen
+
+
+def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
+    """The modes of a finished run, one table each."""
+    console = Console()
+    for mode in summary["modes"]:
+        worst = max(mode["nrmsd"].values())
+        table = Table(title=f"{mode['id']}: weight {mode['weight']:.3g}, NRMSD up to {100 * worst:.3g} %")
+        for heading in ("parameter", "minimum", "mean", "sd", "5 %", "95 %", "unit", "verdict"):
+            table.add_column(heading, justify="left" if heading in ("parameter", "unit", "verdict") else "right")
+        for name, entry in mode["parameters"].items():
+            numbers = [f"{entry[key]:.5g}" for key in ("value", "mean", "sd", "q05", "q95")]
+            table.add_row(name, *numbers, entry["unit"], entry["verdict"])
+        console.print(table)
+    for warning in summary["warnings"]:
+        console.print(f"warning: {warning}", highlight=False)
+    if not summary["converged"]:
+        console.print("NOT CONVERGED: don't trust the spread; see the report.", style="bold red")
+    console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}", highlight=False)
+
+
+def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
+    """Rows of a benchmark as a table, its settings below."""
+    console = Console()
+    table = Table()
+    headings = list(dict.fromkeys(key for row in rows for key in row))
+    for heading in headings:
+        table.add_column(heading)
+    for row in rows:
+        table.add_row(*(_cell(row.get(heading)) for heading in headings))
+    console.print(table)
+    for key, value in settings.items():
+        console.print(f"{key}: {value}", highlight=False)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
