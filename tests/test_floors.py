@@ -25,8 +25,9 @@ FLOORS = {
     **dict.fromkeys(("kernel", "model"), 3),
     **dict.fromkeys(("library", "objectives", "problem"), 4),
     **dict.fromkeys(("refine", "sample", "search"), 5),
-    **dict.fromkeys(("bench", "calibration", "diagnosis", "identifiability", "identify", "simulate"), 6),
-    "cli": 7,
+    **dict.fromkeys(("assemble", "bench", "calibration", "joint", "outcome", "summary", "verdict"), 6),
+    **dict.fromkeys(("diagnosis", "identifiability", "identify", "simulate"), 6),
+    **dict.fromkeys(("cli", "job", "options", "terminal"), 7),
     "__main__": 8,
 }
 
@@ -265,4 +266,5 @@ def test_face_name_resolves(name: str) -> None:
         assert getattr(mofit, name) is getattr(sys.modules[home], original)
         return
     script = f"import sys, mofit, {home}; assert mofit.{name} is vars(sys.modules['{home}'])['{original}']"
-    subprocess.run([sys.executable, "-c", script], cwd=ROOT, check=True)
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
