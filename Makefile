@@ -60,8 +60,9 @@ $(READY): requirements.txt pyproject.toml
 	  "$$found" -m venv --clear $(VENV); \
 	fi; \
 	$(BIN)/python -m pip --version >/dev/null 2>&1 || $(BIN)/python -m ensurepip
-	$(PIP) install --quiet --requirement requirements.txt
-	$(PIP) install --quiet --no-deps --no-build-isolation --editable .
+	@echo "installing the locked packages into $(VENV); the first time this takes a minute or two"
+	@$(PIP) install --quiet --requirement requirements.txt
+	@$(PIP) install --quiet --no-deps --no-build-isolation --editable .
 	@touch $@
 
 $(BENCH): $(READY) requirements-bench.txt
