@@ -31,7 +31,8 @@ def overlap_noise(time: Array, values: Array, period: float) -> float:
     """Standard deviation of what differs between the start of a record and its repetition one period later.
 
     For records of one to two periods; the first half of the overlap is left out, as it may be
-    transient. The later samples are interpolated, which smooths their noise a little unless the period is whole samples.
+    transient. The later samples are interpolated, which smooths their noise a little unless the
+    period is whole samples.
     """
     first = time <= time[-1] - period
     first &= time >= time[0] + 0.5 * (time[-1] - period - time[0])

@@ -14,8 +14,9 @@ Array = NDArray[np.float64]
 
 #: order of the difference that is penalised
 ORDER = 3
-#: search range of log10 of the stiffness; its cut-off lies between a thousandth of the rate and none
-_STIFFNESS = (-6.0, 14.0)
+#: search range of log10 of the stiffness: from none to a cut-off period of 290 samples, beyond which
+#: rounding spoils the solution
+_STIFFNESS = (-6.0, 10.0)
 #: weight of the degrees of freedom in cross-validation; above 1 it stops chance fits (Kim & Gu 2004)
 _CAUTION = 1.4
 
@@ -65,9 +66,10 @@ def smooth(values: Array, noise_sd: float | None = None) -> Smoothed:
             return float(np.log(trial.rss + 1e-300) - 2 * np.log(max(n - _CAUTION * trial.freedom, 1e-6 * n)))
         return trial.rss + 2 * noise_sd**2 * trial.freedom
 
-    grid = np.arange(_STIFFNESS[0], min(_STIFFNESS[1], 6 * np.log10(n)) + 0.1, 1.0)
+    grid = np.arange(_STIFFNESS[0], _STIFFNESS[1] + 0.1, 1.0)
     best = float(grid[np.argmin([score(value) for value in grid])])
-    best = float(minimize_scalar(score, bounds=(best - 1, best + 1), method="bounded", options={"xatol": 0.02}).x)
+    bounds = (best - 1, min(best + 1, _STIFFNESS[1]))
+    best = float(minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 0.02}).x)
     found = at(best)
     return Smoothed(found.values + trend, found.rss, found.freedom)
 

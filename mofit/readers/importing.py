@@ -1,0 +1,198 @@
+"""From files and a map to a campaign."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from mofit.campaign import Array, Campaign, Measurement, Procedure
+from mofit.errors import Fault, InputError, did_you_mean, raise_errors
+from mofit.labels import CHANNELS, known_unit
+from mofit.readers.map_file import ColumnMap, TestMap, quantity, read_map
+from mofit.readers.table import Table, read_table
+from mofit.units import UnitError, si_unit, to_si
+from mofit.validity import channel_faults, time_faults, whole_period_faults
+
+_UNITS = {"frequency": "Hz", "start_time": "s", "transient": "s", "sample_rate": "Hz"}
+
+
+def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
+    """Read the tests that a map names into one campaign, in SI units.
+
+    Parameters
+    ----------
+    sources
+        Files, and folders of files, that the map's file names are looked up in; without any, the
+        folder of the map.
+    map_path
+        The map file.
+
+    Raises
+    ------
+    InputError
+        With the faults of the map, of the files and of every test together.
+    """
+    map_path = Path(map_path)
+    plan = read_map(map_path)
+    files = _files([Path(source) for source in sources] or [map_path.parent])
+    faults: list[Fault] = []
+    load = cache(read_table)
+    conditions, units = _conditions("root", plan.conditions, faults)
+    measurements = []
+    for test in _expand(plan.tests, files, faults):
+        try:
+            measurement, own_units = _measurement(test, load(files[test.file or ""]), {**conditions})
+            units |= own_units
+            measurements.append(measurement)
+        except InputError as error:
+            faults += error.faults
+    raise_errors(dict.fromkeys(faults))
+    return Campaign(plan.title, plan.source, conditions, tuple(measurements), dict(plan.attributes), units)
+
+
+def _files(sources: Sequence[Path]) -> dict[str, Path]:
+    """All files on offer, by name."""
+    files: dict[str, Path] = {}
+    faults = []
+    for source in sources:
+        if source.is_dir():
+            found = sorted(path for path in source.iterdir() if path.is_file())
+        elif source.is_file():
+            found = [source]
+        else:
+            faults.append(Fault(f"file '{source}'", "there is no such file or folder", "Check the path"))
+            continue
+        for path in found:
+            if path.name in files and not path.samefile(files[path.name]):
+                faults.append(Fault(f"file '{path.name}'", "is given twice", "Name only one of them"))
+            files[path.name] = path
+    raise_errors(faults)
+    return files
+
+
+def _expand(tests: Sequence[TestMap], files: dict[str, Path], faults: list[Fault]) -> list[TestMap]:
+    """One entry per test: patterns are matched against the file names, by frequency."""
+    expanded = []
+    for test in tests:
+        where = f"test '{test.name}'"
+        if test.pattern is None:
+            if test.file in files:
+                expanded.append(test)
+            else:
+                cure = did_you_mean(str(test.file), files)
+                faults.append(Fault(where, f"there is no file '{test.file}'", cure))
+            continue
+        try:
+            matches = [(name, match) for name in files if (match := re.fullmatch(test.pattern, name))]
+            filled = [_fill(test, name, match) for name, match in matches]
+        except (re.error, KeyError, IndexError) as error:
+            cure = "Write a regular expression, and fill in only groups that it names"
+            faults.append(Fault(where, f"pattern '{test.pattern}': {error}", cure))
+            continue
+        if not filled:
+            cure = "Give the folder of the files before --map, or mend the pattern"
+            faults.append(Fault(where, f"no file matches '{test.pattern}'", cure))
+        expanded += sorted(filled, key=lambda entry: quantity(where, entry.frequency or 0.0, "Hz")[0])
+    return expanded
+
+
+def _fill(test: TestMap, file: str, match: re.Match[str]) -> TestMap:
+    groups = {key: (text or "").replace(test.decimal, ".") for key, text in match.groupdict().items()}
+    texts = {key: value for key, value in test.model_dump().items() if isinstance(value, str) and key != "pattern"}
+    filled = {key: value.format(**groups) for key, value in texts.items()}
+    own = {key: v.format(**groups) if isinstance(v, str) else v for key, v in test.conditions.items()}
+    return test.model_copy(update={**filled, "conditions": own, "file": file, "pattern": None})
+
+
+def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple[Measurement, dict[str, str]]:
+    where = f"test '{test.name}'"
+    faults: list[Fault] = []
+    own, condition_units = _conditions(where, test.conditions, faults)
+    channels: dict[str, dict[str, Array]] = {"input": {}, "output": {}}
+    units = {}
+    for name, column in test.channels.items():
+        role = column.role or (CHANNELS[name].role if name in CHANNELS else None)
+        if role is None:
+            cure = f"Add role = 'input' or 'output'. {did_you_mean(name, CHANNELS)}"
+            faults.append(Fault(f"{where}, channel '{name}'", "has no role", cure))
+            continue
+        try:
+            units[name] = known_unit(name) or si_unit(column.unit)
+            channels[role][name] = _column(where, name, column, units[name], table, test.rows)
+        except UnitError as error:
+            faults.append(Fault(f"{where}, channel '{name}'", str(error), "Give the unit of the file's column"))
+        except InputError as error:
+            faults += error.faults
+    driver = next(iter(units[name] for name in channels["input"]), None)
+    numbers: dict[str, float | None] = {}
+    for key in ("frequency", "amplitude", "start_time", "transient", "sample_rate"):
+        value = getattr(test, key)
+        try:
+            numbers[key] = None if value is None else quantity(f"{where}, {key}", value, _UNITS.get(key, driver))[0]
+        except InputError as error:
+            faults += error.faults
+    raise_errors(faults)
+    rate = numbers.pop("sample_rate")
+    if test.time is not None:
+        time = _column(where, "time", test.time, "s", table, test.rows)
+        time = time - time[0]
+    else:
+        length = max((len(v) for group in channels.values() for v in group.values()), default=0)
+        time = np.arange(length) / float(rate or 1.0)
+    faults = _faults(where, test, time, channels, numbers["frequency"])
+    raise_errors(faults)
+    procedure = Procedure(
+        test.name, test.procedure, time, channels["input"], {**shared, **own}, **numbers, hold=test.hold
+    )
+    return Measurement(procedure, channels["output"], units), condition_units
+
+
+def _faults(
+    where: str, test: TestMap, time: Array, channels: dict[str, dict[str, Array]], frequency: float | None
+) -> list[Fault]:
+    faults = time_faults(where, time)
+    for group in channels.values():
+        for name, values in group.items():
+            if len(values) != len(time):
+                what = f"{len(values)} samples, but {len(time)} time stamps"
+                faults.append(Fault(f"{where}, channel '{name}'", what, "Take columns of one table"))
+    if not faults:
+        faults += whole_period_faults(where, test.procedure, time, frequency)
+    return faults + channel_faults(where, test.procedure, channels["input"], channels["output"])
+
+
+def _column(where: str, name: str, column: ColumnMap, unit: str, table: Table, rows: tuple[int, int] | None) -> Array:
+    values = table.column(column.column)
+    if rows is not None:
+        if rows[1] > len(values):
+            what = f"rows {rows[0]} to {rows[1]} of file '{table.name}', which has {len(values)}"
+            raise InputError.of(where, what, "Correct the rows")
+        values = values[rows[0] - 1 : rows[1]]
+    scale = column.scale
+    if isinstance(scale, str):
+        constant = table.column(scale)
+        if constant.size != 1:
+            what = f"scale '{scale}' has {constant.size} values"
+            raise InputError.of(f"{where}, channel '{name}'", what, "Name a constant, or give a number")
+        scale = float(constant[0])
+    try:
+        return to_si(scale * values + column.offset, column.unit, unit)
+    except UnitError as error:
+        cure = f"Give the unit of the file's column; '{name}' is in '{unit}'"
+        raise InputError.of(f"{where}, channel '{name}'", str(error), cure) from error
+
+
+def _conditions(
+    where: str, given: dict[str, float | str], faults: list[Fault]
+) -> tuple[dict[str, float], dict[str, str]]:
+    conditions, units = {}, {}
+    for name, value in given.items():
+        try:
+            conditions[name], units[name] = quantity(f"{where}, condition '{name}'", value, known_unit(name))
+        except InputError as error:
+            faults += error.faults
+    return conditions, units

@@ -1,0 +1,100 @@
+"""Text tables: any usual delimiter, header or none, gzip or not."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mofit.errors import InputError
+
+Array = NDArray[np.float64]
+
+_DELIMITERS = ("\t", ";", ",")
+_COMMENTS = ("#", "%")
+#: lines that the format is told from
+_LOOK = 50
+
+
+def text_columns(path: Path) -> dict[str, Array]:
+    """Columns of a text table by their header; without a header they are called "1", "2" and so on.
+
+    Delimiter (tabulator, semicolon, comma, white space), decimal comma and header lines are told
+    from the first lines; lines that begin with ``#`` or ``%`` are passed over. An empty or unreadable
+    cell is NaN.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged or holds no table of numbers.
+    """
+    where = f"file '{path.name}'"
+    lines = [line for line in _text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
+    delimiter, decimal = _dialect(lines[:_LOOK])
+    rows = [_split(line, delimiter) for line in lines[:_LOOK]]
+    first = next((k for k, row in enumerate(rows) if _numeric(row, decimal)), None)
+    if first is None:
+        raise InputError.of(where, "holds no row of numbers", "Check that it is a text table")
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(lines[first:])),
+            sep=delimiter or r"\s+",
+            decimal=decimal,
+            header=None,
+            low_memory=False,
+        )
+    except pd.errors.ParserError as error:
+        raise InputError.of(where, f"no regular table: {error}", "Give every row the same number of cells") from error
+    header = rows[0] if first else []
+    columns: dict[str, Array] = {}
+    for k in frame.columns:
+        name = header[k] if k < len(header) else ""
+        values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+        # a delimiter at the end of every line makes a last column without name and numbers
+        if name or not np.all(np.isnan(values)):
+            columns[name or str(k + 1)] = values
+    return columns
+
+
+def _text(path: Path) -> str:
+    data = path.read_bytes()
+    if data[:2] == b"\x1f\x8b":
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError.of(f"file '{path.name}'", f"damaged gzip file ({error})", "Copy it again") from error
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _dialect(lines: list[str]) -> tuple[str | None, str]:
+    """Delimiter (None: white space) and decimal sign under which most lines are numbers."""
+    tries = [
+        (delimiter, decimal) for delimiter in (*_DELIMITERS, None) for decimal in (".", ",") if delimiter != decimal
+    ]
+
+    def numbers(dialect: tuple[str | None, str]) -> int:
+        delimiter, decimal = dialect
+        return sum(len(row) for row in (_split(line, delimiter) for line in lines) if _numeric(row, decimal))
+
+    # "1,5" alone is one number or two: the earlier try, two columns, wins a draw
+    return max(tries, key=numbers)
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    return [cell.strip().strip("\"'").strip() for cell in line.strip("\r\n ").split(delimiter)]
+
+
+def _numeric(cells: list[str], decimal: str) -> bool:
+    """At least one number, and nothing but numbers and empty cells."""
+    try:
+        return bool([float(cell.replace(decimal, ".")) for cell in cells if cell])
+    except ValueError:
+        return False
