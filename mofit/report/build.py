@@ -1,0 +1,105 @@
+"""From a run folder to its report: one page, and the numbers behind it as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from mofit.report.calibration import calibration_section
+from mofit.report.convergence import convergence_section
+from mofit.report.error_per_test import error_section
+from mofit.report.making import making_section
+from mofit.report.method import method_section
+from mofit.report.overlay import overlay_section
+from mofit.report.page import Section, render
+from mofit.report.parameter_table import parameter_section
+from mofit.report.per_frequency import per_frequency_section
+from mofit.report.posterior import posterior_section
+from mofit.report.run import Run
+from mofit.report.search_map import search_section
+from mofit.report.style import RC
+from mofit.report.summary import summary_section
+from mofit.result import atomic_path, open_result
+
+REPORT_FILE = "report.html"
+DATA_FOLDER = "report_data"
+
+_SECTIONS = (
+    summary_section,
+    parameter_section,
+    error_section,
+    overlay_section,
+    search_section,
+    per_frequency_section,
+    posterior_section,
+    calibration_section,
+    convergence_section,
+    making_section,
+    method_section,
+)
+"""In the order of the page; a section that finds nothing to show returns None."""
+
+
+def build_report(folder: Path | str) -> Path:
+    """Write ``report.html`` and ``report_data/*.json`` into a run folder, from its ``result.nc`` alone.
+
+    Parameters
+    ----------
+    folder
+        The run folder.
+
+    Returns
+    -------
+    Path
+        The page. It stands alone: style, script and figures are inside, nothing is fetched.
+
+    Raises
+    ------
+    InputError
+        If the folder has no readable ``result.nc``; nothing is written then.
+    """
+    folder = Path(folder)
+    run = Run(open_result(folder))
+    with mpl.rc_context(RC):
+        sections = [section for make in _SECTIONS if (section := make(run)) is not None]
+    _write_data(sections, folder / DATA_FOLDER)
+    attrs = run.tree.attrs
+    subtitle = f"{attrs['model_title']} · {attrs['campaign_title']} ({attrs['campaign_source']}) · {attrs['created']}"
+    page = folder / REPORT_FILE
+    with atomic_path(page) as temporary:
+        temporary.write_text(render(str(attrs["title"]), subtitle, sections), encoding="utf-8")
+    return page
+
+
+def _write_data(sections: Sequence[Section], folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    names = {f"{section.id}.json" for section in sections if section.data}
+    for section in sections:
+        if section.data:
+            with atomic_path(folder / f"{section.id}.json") as temporary:
+                temporary.write_text(json.dumps(plain(section.data), allow_nan=False, indent=1), encoding="utf-8")
+    for old in folder.glob("*.json"):
+        if old.name not in names:
+            old.unlink()
+
+
+def plain(value: Any) -> Any:
+    """Dataclasses and arrays as JSON values; what is not a finite number becomes null."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, dict):
+        return {str(name): plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

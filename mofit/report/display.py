@@ -1,0 +1,126 @@
+"""Numbers, units and symbols as an engineer reads them; the data stay in SI units."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup, escape
+from numpy.typing import ArrayLike
+
+_GREEK = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega".split()
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+THIN = "\u202f"
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A display unit: multiply the SI value with `factor`."""
+
+    name: str
+    factor: float = 1.0
+
+    def label(self, quantity: str) -> str:
+        """Axis label ``quantity (unit)``."""
+        return f"{quantity} ({self.name})" if self.name != "1" else quantity
+
+
+def display_unit(unit: str, values: ArrayLike) -> Unit:
+    """The unit in which a signal of this size is usually read: degrees, mm, kN, mV, bar, %."""
+    finite = np.abs(np.asarray(values, dtype=float))
+    peak = float(np.max(finite[np.isfinite(finite)], initial=0.0))
+    choices = {
+        "rad": Unit("°", 180 / math.pi),
+        "rad/s": Unit("rad/s"),
+        "m": Unit("mm", 1e3) if peak < 1 else Unit("m"),
+        "N": Unit("kN", 1e-3) if peak >= 2000 else Unit("N"),
+        "V": Unit("mV", 1e3) if peak < 1 else Unit("V"),
+        "Pa": Unit("bar", 1e-5),
+    }
+    return choices.get(unit, Unit(unit))
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, thousands apart, powers of ten where it is very large or small."""
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else ("∞" if value > 0 else "−∞")
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if not -4 <= exponent < 7:
+        mantissa = f"{value / 10.0**exponent:.{digits - 1}f}"
+        return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return _grouped(value, max(0, digits - 1 - exponent))
+
+
+def with_sd(value: float, sd: float) -> str:
+    """A number to the digits its standard deviation supports (two digits of it)."""
+    if not (math.isfinite(sd) and sd > 0 and math.isfinite(value)):
+        return number(value, 4)
+    size = math.floor(math.log10(max(abs(value), sd)))
+    return number(value, min(6, max(2, size - math.floor(math.log10(sd)) + 2)))
+
+
+def percent(value: float) -> str:
+    """A fraction in per cent."""
+    return "–" if math.isnan(value) else f"{number(100 * value, 3)}{THIN}%"
+
+
+def _grouped(value: float, decimals: int) -> str:
+    text = f"{value:,.{decimals}f}".replace(",", THIN)
+    return text.replace("-", "−")
+
+
+def count(value: float) -> str:
+    """A whole number, thousands apart."""
+    return _grouped(round(float(value)), 0)
+
+
+def symbol(name: str) -> Markup:
+    """A parameter's name with its index lowered: ``c_M`` becomes c with index M; long names stay as they are."""
+    base, _, index = name.partition("_")
+    if not _is_symbol(base):
+        return Markup("<span>{}</span>").format(name)
+    text = Markup("<i>{}</i>").format(_letter(base))
+    return text + (Markup("<sub>{}</sub>").format(index.replace("_", ",")) if index else Markup(""))
+
+
+def math_symbol(name: str) -> str:
+    """The same for figures (matplotlib's math text)."""
+    base, _, index = name.partition("_")
+    if not _is_symbol(base) or not re.fullmatch(r"[A-Za-z0-9_]*", index):
+        return name.replace("$", r"\$")
+    letter = rf"\{base}" if base in _GREEK else base
+    return rf"${letter}_{{\mathrm{{{index.replace('_', ',')}}}}}$" if index else f"${letter}$"
+
+
+def _is_symbol(base: str) -> bool:
+    return base in _GREEK or bool(re.fullmatch(r"[A-Za-z]{1,2}[0-9]?", base))
+
+
+def _letter(base: str) -> str:
+    if base in _GREEK:
+        start = ord("α")
+        order = "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho _ sigma tau "
+        return chr(start + (order + "upsilon phi chi psi omega").split().index(base))
+    return base
+
+
+def badge(text: str, grade: str) -> Markup:
+    """A small coloured label; `grade` is good, fair or bad."""
+    return Markup('<span class="badge {}">{}</span>').format(grade, text)
+
+
+def key(colour: str, text: str) -> Markup:
+    """A text with a swatch of its colour before it."""
+    return Markup('<span class="key" style="background:{}"></span>{}').format(colour, text)
+
+
+def listed(items: list[Markup] | list[str]) -> Markup:
+    """``a, b and c``."""
+    texts = [escape(item) for item in items]
+    if len(texts) < 2:
+        return Markup("").join(texts)
+    return Markup(", ").join(texts[:-1]) + Markup(" and ") + texts[-1]

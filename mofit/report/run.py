@@ -1,0 +1,172 @@
+"""What every section needs to know of a run: its tests, parameters and clusters as plain arrays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SHOWN = 4
+"""Clusters that get figures of their own; tables list all."""
+
+PLAUSIBLE = 0.01
+"""Posterior weight from which a solution counts as plausible."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """One mode: its refined minimum, its posterior and its diagnostics."""
+
+    name: str
+    index: int
+    node: xr.DataTree
+
+    @property
+    def weight(self) -> float:
+        """Share of the posterior mass."""
+        return float(self.node.attrs["weight"])
+
+    @property
+    def converged(self) -> bool:
+        """Whether its chains agree."""
+        return bool(self.node.attrs["converged"])
+
+    @cached_property
+    def parameters(self) -> list[str]:
+        """Names of its free parameters."""
+        return [str(name) for name in self.node["parameter"].values]
+
+    def array(self, name: str) -> Array:
+        """One of its summary variables; NaN throughout where the run has none."""
+        if name in self.node.data_vars:
+            return np.asarray(self.node[name].values, dtype=float)
+        return np.full(len(self.parameters), np.nan)
+
+    @cached_property
+    def draws(self) -> Array | None:
+        """Posterior draws, shape (chain, draw, parameter)."""
+        if "posterior" not in self.node.children:
+            return None
+        posterior = self.node.children["posterior"]
+        return np.stack([posterior[name].values for name in self.parameters], axis=-1)
+
+    @cached_property
+    def verdicts(self) -> list[str]:
+        """Verdict per parameter, empty where the run gives none."""
+        if "verdict" not in self.node.data_vars:
+            return [""] * len(self.parameters)
+        return [str(verdict) for verdict in self.node["verdict"].values]
+
+    @cached_property
+    def grades(self) -> list[str]:
+        """``good``, ``fair`` or ``bad`` per parameter: does the data pin it?
+
+        The verdict speaks where there is one; otherwise the contraction does (the posterior must be less than half as
+        wide as the prior), and a bound that is hit.
+        """
+        grades = []
+        for verdict, contraction, bound in zip(
+            self.verdicts, self.array("contraction"), self.array("at_bound"), strict=True
+        ):
+            if bound:
+                grades.append("bad")
+            elif verdict:
+                plain = verdict.lower().startswith("identified") or "well" in verdict.lower()
+                grades.append("good" if plain else "fair" if "weak" in verdict.lower() else "bad")
+            else:
+                grades.append("bad" if contraction < 0.5 else "good")
+        return grades
+
+
+@dataclass(frozen=True)
+class Run:
+    """A result tree, read for the report."""
+
+    tree: xr.DataTree
+
+    @cached_property
+    def tests(self) -> list[str]:
+        """Names of the tests."""
+        return [str(name) for name in self.tree["test"].values]
+
+    def of_tests(self, name: str) -> Array:
+        """A numeric root variable over the tests."""
+        return np.asarray(self.tree[name].values, dtype=float)
+
+    @cached_property
+    def kinds(self) -> list[str]:
+        """Kind of excitation per test."""
+        return [str(kind) for kind in self.tree["kind"].values]
+
+    @cached_property
+    def clusters(self) -> list[Cluster]:
+        """Clusters, best first (c1, c2, …, c10)."""
+        nodes = self.tree["clusters"].children
+        names = sorted(nodes, key=lambda name: (len(name), name))
+        return [Cluster(name, index, nodes[name]) for index, name in enumerate(names)]
+
+    @property
+    def shown(self) -> list[Cluster]:
+        """The clusters that get figures."""
+        return self.clusters[:SHOWN]
+
+    @cached_property
+    def plausible(self) -> list[Cluster]:
+        """The clusters that carry posterior weight worth naming."""
+        return [cluster for cluster in self.clusters if not cluster.weight < PLAUSIBLE]
+
+    @property
+    def converged(self) -> bool:
+        """Whether the run as a whole converged."""
+        return bool(self.tree.attrs["converged"])
+
+    @cached_property
+    def parameters(self) -> list[str]:
+        """All parameters of the model."""
+        return [str(name) for name in self.tree["parameters/parameter"].values]
+
+    def of_parameters(self, name: str, parameters: list[str]) -> NDArray[Any]:
+        """A variable of the parameter table, for these parameters."""
+        return self.tree[f"parameters/{name}"].sel(parameter=parameters).values
+
+    def unit(self, parameter: str) -> str:
+        """SI unit of a parameter."""
+        return str(self.of_parameters("unit", [parameter])[0])
+
+    def is_log(self, parameters: list[str]) -> NDArray[np.bool_]:
+        """Whether the parameters are searched by their logarithm."""
+        return np.asarray(self.of_parameters("scale", parameters) == "log")
+
+    def to_unit(self, values: Array, parameters: list[str]) -> Array:
+        """Place in the prior box, 0 to 1 per parameter (by logarithm where the scale is log)."""
+        log = self.is_log(parameters)
+        lower = np.asarray(self.of_parameters("lower", parameters), dtype=float)
+        upper = np.asarray(self.of_parameters("upper", parameters), dtype=float)
+        tiny = np.finfo(float).tiny
+
+        def scaled(x: Array) -> Array:
+            return np.where(log, np.log(np.maximum(x, tiny)), x)
+
+        return (scaled(values) - scaled(lower)) / (scaled(upper) - scaled(lower))
+
+    def json(self, attribute: str) -> Any:
+        """A root attribute that holds JSON."""
+        return json.loads(self.tree.attrs[attribute])
+
+    @property
+    def has_frequencies(self) -> bool:
+        """Whether at least two tests have different frequencies, so that a frequency axis says something."""
+        frequency = self.of_tests("frequency")
+        return len(set(frequency[np.isfinite(frequency)])) > 1
+
+
+def tab_title(cluster: Cluster) -> str:
+    """Name and weight of a cluster, for tabs."""
+    return f"{cluster.name} ({100 * cluster.weight:.3g} %)"

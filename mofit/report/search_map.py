@@ -1,0 +1,213 @@
+"""The search: every point evaluated, the bests it stored, the solutions, and the front of trade-offs (Figure 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+
+from mofit.report.display import math_symbol, number
+from mofit.report.page import Block, Figure, Section, Text
+from mofit.report.run import Array, Run
+from mofit.report.style import FLOOR, MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
+
+_COLOURS = "viridis"
+
+
+@dataclass(frozen=True)
+class SearchMap:
+    """Points of the search in SI units and their mean NRMSD over the tests, best last; minima of the clusters."""
+
+    parameters: list[str]
+    points: Array
+    nrmsd: Array
+    stored: Array
+    fireflies: Array
+    minima: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Front:
+    """Non-dominated points: NRMSD per objective, and their place in the search box (0 to 1)."""
+
+    objectives: list[str]
+    parameters: list[str]
+    nrmsd: Array
+    place: Array
+    noise_floor: Array
+    minima_nrmsd: dict[str, Array]
+    minima_place: dict[str, Array]
+
+
+def extract_search(run: Run) -> SearchMap | None:
+    """The search's history, or None where the run has none."""
+    if "search" not in run.tree.children:
+        return None
+    node = run.tree["search"]
+    names = [str(name) for name in node["parameter"].values]
+    nrmsd = np.asarray(node["nrmsd"].values, dtype=float).mean(axis=1)
+    good = np.isfinite(nrmsd)
+    order = np.flatnonzero(good)[np.argsort(-nrmsd[good], kind="stable")]
+    empty = np.empty((0, len(names)))
+    return SearchMap(
+        parameters=names,
+        points=np.asarray(node["points"].values, dtype=float)[order],
+        nrmsd=nrmsd[order],
+        stored=np.asarray(node["stored"].values, dtype=float) if "stored" in node.data_vars else empty,
+        fireflies=np.asarray(node["fireflies"].values, dtype=float) if "fireflies" in node.data_vars else empty,
+        minima={c.name: c.array("value") for c in run.clusters if c.parameters == names},
+    )
+
+
+def extract_front(run: Run) -> Front | None:
+    """The non-dominated points, or None where the run has none."""
+    if "front" not in run.tree.children or run.tree["front"].sizes.get("point", 0) == 0:
+        return None
+    node = run.tree["front"]
+    names = [str(name) for name in node["parameter"].values]
+    objectives = [str(name) for name in node["objective"].values]
+    same = [c for c in run.clusters if c.parameters == names]
+    floor = dict(zip(run.tests, run.of_tests("noise_floor"), strict=True))
+
+    def of_objectives(values: Array) -> Array:
+        known = dict(zip(run.tests, values, strict=True))
+        return np.array([known.get(objective, np.nan) for objective in objectives])
+
+    return Front(
+        objectives=objectives,
+        parameters=names,
+        nrmsd=np.asarray(node["nrmsd"].values, dtype=float),
+        place=run.to_unit(np.asarray(node["parameters"].values, dtype=float), names),
+        noise_floor=np.array([floor.get(objective, np.nan) for objective in objectives]),
+        minima_nrmsd={c.name: of_objectives(np.asarray(c.node["nrmsd"].values, dtype=float)) for c in same},
+        minima_place={c.name: run.to_unit(c.array("value"), names) for c in same},
+    )
+
+
+def pairs(count: int) -> list[tuple[int, int]]:
+    """Which two parameters share a panel: all pairs of up to four, else neighbours."""
+    if count <= 4:
+        return list(combinations(range(count), 2))
+    return [(k, min(k + 1, count - 1)) if k + 1 < count else (k - 1, k) for k in range(0, count, 2)]
+
+
+def draw_search(found: SearchMap, x: int, y: int | None, log: np.ndarray, axes: Axes) -> Axes:
+    """The points over two parameters (over one parameter and the NRMSD if `y` is None), dark is good."""
+    colour = np.argsort(np.argsort(found.nrmsd)) / max(1, found.nrmsd.size - 1)
+
+    def ordinate(points: Array, nrmsd: Array) -> Array:
+        return 100 * nrmsd if y is None else points[:, y]
+
+    axes.scatter(
+        found.points[:, x], ordinate(found.points, found.nrmsd), c=colour, cmap=_COLOURS, s=7, lw=0, alpha=0.75, rasterized=True
+    )
+    if y is not None:
+        axes.plot(found.fireflies[:, x], found.fireflies[:, y], ls="none", marker="^", ms=4, mfc="none", mec="#57606a", mew=0.8)
+        axes.plot(found.stored[:, x], found.stored[:, y], ls="none", marker="s", ms=5.5, mfc="none", mec=MEASURED, mew=1.0)
+        for k, minimum in reversed([*enumerate(found.minima.values())]):
+            axes.plot(minimum[x], minimum[y], ls="none", marker="*", ms=15, mfc=cluster_colour(k), mec="white", mew=0.9, zorder=5)
+    else:
+        for k, minimum in enumerate(found.minima.values()):
+            axes.axvline(minimum[x], color=cluster_colour(k), lw=2)
+    axes.set_xlabel(math_symbol(found.parameters[x]))
+    axes.set_ylabel("mean NRMSD (%)" if y is None else math_symbol(found.parameters[y]))
+    if log[x]:
+        axes.set_xscale("log")
+    if y is None or log[y]:
+        axes.set_yscale("log")
+    few_ticks(axes, None if log[x] else 5, None if y is None or log[y] else 5)
+    return axes
+
+
+def draw_front(values: Array, minima: dict[str, Array], labels: list[str], axes: Axes) -> Axes:
+    """Parallel coordinates: a line per point, a thick line per solution."""
+    x = np.arange(values.shape[1])
+    shade = np.linspace(0.15, 0.75, len(values))
+    lines = LineCollection([np.column_stack([x, row]) for row in values], cmap="Greys_r", lw=0.7, alpha=0.6)
+    lines.set_array(shade)
+    lines.set_clim(0, 1)
+    axes.add_collection(lines)
+    for k, line in reversed([*enumerate(minima.values())]):
+        axes.plot(x, line, color=cluster_colour(k), lw=2.2, marker="o", ms=4)
+    crowded = len(labels) > 6
+    axes.set_xticks(x, labels, rotation=40 if crowded else 0, ha="right" if crowded else "center")
+    axes.set_xlim(-0.15, max(len(labels) - 0.85, 0.15))
+    axes.grid(visible=True, axis="x")
+    return axes
+
+
+def search_section(run: Run) -> Section | None:
+    """Maps of the search, and the front."""
+    found, front = extract_search(run), extract_front(run)
+    blocks: list[Block] = []
+    if found is not None:
+        attrs = run.tree["search"].attrs
+        blocks.append(
+            Text(
+                f"The search ({attrs['method']}) evaluated {attrs['evaluations']} points of the box and stored "
+                f"{len(found.stored)} cluster bests; {len(run.clusters)} distinct minima remained after refinement."
+            )
+        )
+        blocks.append(_map(run, found))
+    if front is not None:
+        blocks.append(_parallel(run, front))
+    if not blocks:
+        return None
+    return Section("search", "Search", blocks, {"search": found, "front": front})
+
+
+def _map(run: Run, found: SearchMap) -> Figure:
+    log = run.is_log(found.parameters)
+    chosen: list[tuple[int, int | None]] = [*pairs(len(found.parameters))] or [(0, None)]
+    canvas, axes, _ = panels(len(chosen), 3, 2.7, margin=(0.75, 0.55, 0.15, 0.5), gap=(0.85, 0.75))
+    for (x, y), panel in zip(chosen, axes, strict=True):
+        draw_search(found, x, y, log, panel)
+        for axis, k in (("x", x), ("y", y)):
+            if k is not None:
+                name = found.parameters[k]
+                unit = run.unit(name)
+                getattr(panel, f"set_{axis}label")(math_symbol(name) + ("" if unit == "1" else f" ({unit})"))
+    handles = [line_key(cluster_colour(k), f"solution {n}", ls="none", marker="*", ms=11) for k, n in enumerate(found.minima)]
+    handles.append(line_key("#440154", "evaluated: good", ls="none", marker="o", ms=4))
+    handles.append(line_key("#c5d93a", "evaluated: poor", ls="none", marker="o", ms=4))
+    if len(found.stored):
+        handles.append(line_key(MEASURED, "stored best", ls="none", marker="s", mfc="none"))
+    if len(found.fireflies):
+        handles.append(line_key("#57606a", "final swarm", ls="none", marker="^", mfc="none", ms=5))
+    legend_above(canvas, handles[:12])
+    return Figure(
+        image_of(canvas),
+        "Evaluated points, stored bests and solutions over pairs of parameters",
+        "Where the search looked and what it found, over the search box. Colour ranks the mean NRMSD over all tests.",
+        good="the box is covered, dark points gather in a few tight places, each with a solution in it.",
+        bad="dark points lie along a valley (the parameters on its axes trade against each other) or at the edge of the box.",
+    )
+
+
+def _parallel(run: Run, front: Front) -> Figure:
+    order = np.argsort(-front.nrmsd.mean(axis=1))
+    canvas, (left, right), _ = panels(2, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
+    minima = {name: 100 * value for name, value in front.minima_nrmsd.items()}
+    draw_front(100 * front.nrmsd[order], minima, front.objectives, left)
+    left.plot(np.arange(len(front.objectives)), 100 * front.noise_floor, color=FLOOR, lw=2)
+    left.set_ylabel("NRMSD (%)")
+    left.set_ylim(0, 1.05 * 100 * float(np.nanmax(front.nrmsd)))
+    labels = [math_symbol(name) for name in front.parameters]
+    draw_front(front.place[order], front.minima_place, labels, right)
+    right.set_ylim(-0.02, 1.02)
+    right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
+    handles = [line_key(cluster_colour(k), f"solution {name}", marker="o", ms=4) for k, name in enumerate(minima)]
+    legend_above(canvas, [*handles[:4], line_key("#999999", "front", lw=1), line_key(FLOOR, "noise floor", lw=2)])
+    best = number(100 * float(front.nrmsd.mean(axis=1).min()))
+    return Figure(
+        image_of(canvas),
+        "Parallel coordinates of the non-dominated points",
+        f"{len(front.nrmsd)} points of which none is better than another at every test (smallest mean {best} %). Left the error of "
+        "each at each test, right its parameters inside the search box.",
+        good="the lines run close together: one set of parameters serves all tests.",
+        bad="lines cross between tests on the left and spread on the right: each test wants other parameters, so the model "
+        "lacks something that changes between them.",
+    )
