@@ -14,26 +14,15 @@ from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.kernel.drive import Drive
 from mofit.kernel.loop import JOB_FIELDS
 from mofit.kernel.machine import host
+from mofit.kernel.mesh import Rung, find_switches
 from mofit.kernel.steps import RK4
-from mofit.kernel.variant import Rung, Table, Variant
+from mofit.kernel.variant import Table, Variant
 from mofit.model import System
 
 Array = NDArray[np.float64]
 
 #: more sets of values of the parameters that are not free than this, and they go into lanes
 _MANY = 4
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Parameter sets that go through one test together, padded to full lanes by repeating the last."""
-
-    drive: int
-    rows: NDArray[np.intp]
-    rung: Rung
-    lanes: int
-    parameters: Array  # (np, L): free, then fixed
-    spread: bool
 
 
 class Simulator:
@@ -78,11 +67,7 @@ class Simulator:
             [Fault(f"parameter '{name}'", "unknown name", did_you_mean(name, system.parameters)) for name in unknown]
             + [fault for drive in self.drives for fault in drive.faults(system)]
         )
-        order = [system.parameters.index(name) for name in self.free]
-        self._order = order + [index for index in range(len(system.parameters)) if index not in order]
-        self._steps = steps
-        self._variants: dict[tuple[str, bool, bool, bool], Variant] = {}
-        self._pool = ThreadPoolExecutor(jobs) if jobs > 1 else None
+        self._runner = Runner(system, self.drives, self.free, jobs)
 
     def simulate(self, p: ArrayLike) -> list[Array]:
         """Outputs of every test, each (N, n, ny), for parameter sets ``p`` of shape (N, np)."""
@@ -105,27 +90,6 @@ class Simulator:
         normal[..., upper[0], upper[1]] = normal[..., upper[1], upper[0]] = sums[..., 1 + nf :]
         return sums[..., 0], sums[..., 1 : 1 + nf], normal
 
-    def _reduced(self, p: ArrayLike, derivatives: bool) -> Array:
-        p = self._checked(p)
-        blocks = self._blocks(p)
-        nf = len(self.free)
-        sums = 1 + (nf + nf * (nf + 1) // 2) * derivatives
-        shapes = [(sums, block.lanes) for block in blocks]
-        result = np.empty((len(p), len(self.drives), sums))
-        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=True), strict=True):
-            result[block.rows, block.drive] = values[:, : len(block.rows)].T
-        return result
-
-    def _stored(self, p: ArrayLike, derivatives: bool) -> list[Array]:
-        p = self._checked(p)
-        blocks = self._blocks(p)
-        ny, columns = len(self.system.outputs), 1 + len(self.free) * derivatives
-        shapes = [(self.drives[block.drive].samples, columns, ny, block.lanes) for block in blocks]
-        result = [np.empty((len(p), drive.samples, ny, columns)) for drive in self.drives]
-        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=False), strict=True):
-            result[block.drive][block.rows] = values[..., : len(block.rows)].transpose(3, 0, 2, 1)
-        return result
-
     def _checked(self, p: ArrayLike) -> Array:
         p = np.ascontiguousarray(np.atleast_2d(np.asarray(p, dtype=float)))
         if p.ndim != 2 or p.shape[1] != len(self.system.parameters):
@@ -136,81 +100,3 @@ class Simulator:
             )
         return p
 
-    def _blocks(self, p: Array) -> list[_Block]:
-        """Cut the batch into blocks that share a test, the fixed parameters and the way of integration."""
-        ordered = np.ascontiguousarray(p[:, self._order])
-        fixed = ordered[:, len(self.free) :]
-        group, spread = np.zeros(len(p), dtype=int), False
-        if fixed.size and np.any(fixed != fixed[0]):
-            sets, group = np.unique(fixed, axis=0, return_inverse=True)
-            spread = len(sets) > _MANY
-            group = np.zeros_like(group) if spread else group.ravel()
-        blocks = []
-        for index in range(len(self.drives)):
-            rungs, choice = self._rungs(index, p)
-            for number, rung in enumerate(rungs):
-                for which in np.unique(group[choice == number]):
-                    rows = np.flatnonzero((choice == number) & (group == which))
-                    blocks += self._cut(index, rows, rung, ordered, spread)
-        return blocks
-
-    def _cut(self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool) -> list[_Block]:
-        narrow = host().width
-        blocks = []
-        while len(rows):
-            lanes = narrow if len(rows) <= narrow else 2 * narrow
-            taken, rows = rows[:lanes], rows[lanes:]
-            padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
-            blocks.append(_Block(drive, taken, rung, lanes, np.ascontiguousarray(ordered[padded].T), spread))
-        return blocks
-
-    def _rungs(self, drive: int, p: Array) -> tuple[list[Rung], NDArray[np.intp]]:
-        """The ways of integration of a test and which one every parameter set takes."""
-        return [Rung(RK4, self._steps or 1)], np.zeros(len(p), dtype=np.intp)
-
-    def _variant(self, rung: Rung, derivatives: bool, reduce: bool, spread: bool) -> Variant:
-        key = (rung.scheme.name, derivatives, reduce, spread)
-        if key not in self._variants:
-            self._variants[key] = Variant(self.system, self.free, rung.scheme, derivatives, reduce, spread)
-        return self._variants[key]
-
-    def _run(
-        self, blocks: list[_Block], shapes: Sequence[tuple[int, ...]], derivatives: bool, reduce: bool
-    ) -> list[Array]:
-        """The result of every block."""
-        results = [np.empty(shape) for shape in shapes]
-        entries: dict[int, tuple[object, list[int]]] = {}
-        records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
-        alive: list[Table] = []
-        for index, (block, result) in enumerate(zip(blocks, results, strict=True)):
-            variant = self._variant(block.rung, derivatives, reduce, block.spread)
-            drive = self.drives[block.drive]
-            table = variant.table(drive, block.rung, block.parameters[len(self.free) :, 0])
-            code = variant.code(block.rung.steps > 1, block.lanes)
-            alive.append(table)
-            records[index] = (
-                drive.samples,
-                block.parameters.ctypes.data,
-                table.constant.ctypes.data,
-                table.rows.ctypes.data,
-                drive.data.ctypes.data,
-                table.counts.ctypes.data,
-                table.substep_rows.ctypes.data,
-                result.ctypes.data,
-            )
-            entries.setdefault(id(code), (code.entry, []))[1].append(index)
-        for entry, members in entries.values():
-            # the longest first, so that threads end together
-            members.sort(key=lambda i: -self.drives[blocks[i].drive].samples * blocks[i].rung.steps)
-            self._call(entry, np.ascontiguousarray(records[members]))
-        return results
-
-    def _call(self, entry: object, records: NDArray[np.int64]) -> None:
-        counter = ctypes.c_int64(0)
-        arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
-        if self._pool is None or len(records) == 1:
-            entry(*arguments)  # type: ignore[operator]
-            return
-        threads = [self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))]  # type: ignore[arg-type]
-        for thread in threads:
-            thread.result()

@@ -10,8 +10,10 @@ import casadi as ca
 from mofit.kernel.program import LANE, TIME
 from mofit.model import System
 
-#: ``(rhs, x, [u at each node], du/dt at the start, h) -> x at the end``
-Advance = Callable[[Callable[[ca.SX, ca.SX], ca.SX], ca.SX, Sequence[ca.SX], ca.SX, ca.SX], ca.SX]
+#: ``(x, u) -> dx/dt``
+Rates = Callable[[ca.SX, ca.SX], ca.SX]
+#: ``(rates, x, [u at each node], du/dt at the start, h) -> x at the end``
+Advance = Callable[[Rates, ca.SX, Sequence[ca.SX], ca.SX, ca.SX], ca.SX]
 
 
 @dataclass(frozen=True)
@@ -26,19 +28,20 @@ class Scheme:
         Where in the step (0 to 1) it reads the inputs; the first is 0.
     advance
         The step itself.
-    order
-        Order of convergence.
+    graded
+        Whether the first sampling interval is cut finely, for what decays at once.
+    cost
+        Of one step, relative to RK4.
     """
 
     name: str
     nodes: tuple[float, ...]
     advance: Advance
-    order: int
+    graded: bool
+    cost: float
 
 
-def _rk4(
-    rhs: Callable[[ca.SX, ca.SX], ca.SX], x: ca.SX, inputs: Sequence[ca.SX], slope: ca.SX, h: ca.SX
-) -> ca.SX:
+def _rk4(rhs: Rates, x: ca.SX, inputs: Sequence[ca.SX], slope: ca.SX, h: ca.SX) -> ca.SX:
     start, middle, end = inputs
     k1 = rhs(x, start)
     k2 = rhs(x + h / 2 * k1, middle)
@@ -48,7 +51,75 @@ def _rk4(
 
 
 #: the classical Runge-Kutta method
-RK4 = Scheme("RK4", (0.0, 0.5, 1.0), _rk4, 4)
+RK4 = Scheme("RK4", (0.0, 0.5, 1.0), _rk4, graded=False, cost=1.0)
+
+# RODAS4: A, C, c and d of the form (I / (gamma h) - J) U_i = f(t + c_i h, x + A_i U) + C_i U / h + d_i h df/dt
+_GAMMA = 0.25
+_A = (
+    (),
+    (1.544,),
+    (0.9466785280815826, 0.2557011698983284),
+    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
+)
+_C = (
+    (),
+    (-5.6688,),
+    (-2.430093356833875, -0.2063599157091915),
+    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+    (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
+)
+_NODES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
+_D = (0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0)
+
+
+def _rodas4(rhs: Rates, x: ca.SX, inputs: Sequence[ca.SX], slope: ca.SX, h: ca.SX) -> ca.SX:
+    f = rhs(x, inputs[0])
+    jacobian, drift = ca.jacobian(f, x), ca.jtimes(f, inputs[0], slope)
+    solve = _factorised(ca.SX.eye(x.numel()) / (_GAMMA * h) - jacobian)
+    stages: list[ca.SX] = []
+    at = x
+    for i, node in enumerate(_NODES):
+        if i < len(_A):
+            at = x + sum((a * stage for a, stage in zip(_A[i], stages, strict=True)), ca.SX.zeros(x.shape))
+        else:  # stiffly accurate: the last stages correct the result itself
+            at = at + stages[-1]
+        rates = rhs(at, inputs[_READ.index(node)])
+        memory = sum((c * stage for c, stage in zip(_C[i], stages, strict=True)), ca.SX.zeros(x.shape))
+        stages.append(solve(rates + memory / h + _D[i] * h * drift))
+    return at + stages[-1]
+
+
+def _factorised(matrix: ca.SX) -> Callable[[ca.SX], ca.SX]:
+    """Solver of ``matrix @ z = b`` by elimination without pivoting; zeros of the pattern cost nothing."""
+    n = matrix.shape[0]
+    rows = [[matrix[i, j] for j in range(n)] for i in range(n)]
+    for k in range(n):
+        for i in range(k + 1, n):
+            rows[i][k] = rows[i][k] / rows[k][k]
+            for j in range(k + 1, n):
+                rows[i][j] = rows[i][j] - rows[i][k] * rows[k][j]
+
+    def solve(right: ca.SX) -> ca.SX:
+        z = [right[i] for i in range(n)]
+        for i in range(n):
+            for k in range(i):
+                z[i] = z[i] - rows[i][k] * z[k]
+        for i in reversed(range(n)):
+            for k in range(i + 1, n):
+                z[i] = z[i] - rows[i][k] * z[k]
+            z[i] = z[i] / rows[i][i]
+        return ca.vertcat(*z)
+
+    return solve
+
+
+_READ = (0.0, 0.386, 0.21, 0.63, 1.0)
+
+#: stiffly accurate, L-stable Rosenbrock method of order 4
+#: (Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed., section VI.4)
+RODAS4 = Scheme("RODAS4", _READ, _rodas4, graded=True, cost=2.5)
 
 #: inputs of `build_graph`'s functions, with the level of each
 GRAPH_INPUTS = {
@@ -59,7 +130,7 @@ GRAPH_INPUTS = {
     "first": 0,  # the test's first sample of the inputs
     "fixed": 0,  # all other parameters
     "condition": 0,
-    "h": 0,
+    "h": TIME,
 }
 
 

@@ -13,6 +13,7 @@ from mofit.kernel.drive import Drive
 from mofit.kernel.evaluate import evaluate
 from mofit.kernel.loop import FIXED, Shape, Split, compile_loop
 from mofit.kernel.machine import Code
+from mofit.kernel.mesh import Mesh, Rung, build_mesh
 from mofit.kernel.program import LANE, contract, trace
 from mofit.kernel.steps import GRAPH_INPUTS, Scheme, build_graph
 from mofit.model import System
@@ -24,14 +25,6 @@ _TABLE_BYTES = 256e6
 
 
 @dataclass(frozen=True)
-class Rung:
-    """How a test is integrated: the method and its number of steps per sampling interval."""
-
-    scheme: Scheme
-    steps: int
-
-
-@dataclass(frozen=True)
 class Table:
     """What the lanes of a job read, see `loop.JOB_FIELDS`."""
 
@@ -39,6 +32,11 @@ class Table:
     rows: Array
     counts: NDArray[np.int64]
     substep_rows: Array
+
+    @property
+    def refined(self) -> bool:
+        """Whether some sampling interval takes more than one step."""
+        return self.substep_rows.size > 0
 
     @property
     def nbytes(self) -> int:
@@ -74,7 +72,7 @@ class Variant:
         self.sample = Split(program, levels, (0, 1, 2))
         self.substep = Split(program, levels, (1,))
         self._codes: dict[tuple[bool, int], Code] = {}
-        self._tables: OrderedDict[tuple[int, int, bytes], Table] = OrderedDict()
+        self._tables: OrderedDict[tuple[Drive, int, bytes], Table] = OrderedDict()
 
     def code(self, refined: bool, lanes: int) -> Code:
         """The compiled loop, with or without further steps within a sampling interval."""
@@ -84,33 +82,29 @@ class Variant:
             self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes)
         return self._codes[key]
 
-    def table(self, drive: Drive, rung: Rung, fixed: Array) -> Table:
+    def table(self, drive: Drive, rung: Rung, switches: tuple[Array, Array], fixed: Array) -> Table:
         """The table of a test for the parameters that all lanes share."""
-        key = (id(drive), rung.steps, b"" if self.spread else fixed.tobytes())
-        found = self._tables.get(key)
+        key = (drive, rung.steps, b"" if self.spread else fixed.tobytes())
+        found = self._tables.pop(key, None)
         if found is None:
-            found = self._table(drive, rung, fixed)
+            found = self._table(drive, build_mesh(drive, rung, switches), fixed)
             while self._tables and sum(table.nbytes for table in self._tables.values()) > _TABLE_BYTES:
                 self._tables.popitem(last=False)
-        else:
-            self._tables.move_to_end(key)
         self._tables[key] = found
         return found
 
-    def _table(self, drive: Drive, rung: Rung, fixed: Array) -> Table:
-        h = drive.step / rung.steps
-        start = np.arange(drive.samples) * drive.step
-        constant, rows = self._evaluated(self.sample, drive, start, h, fixed)
-        counts = np.full(drive.samples, rung.steps - 1)
-        if rung.steps == 1:
-            return Table(constant, rows, counts, np.empty((0, 0)))
-        further = (start[:, None] + h * np.arange(1, rung.steps)).ravel()
-        constant_too, substep_rows = self._evaluated(self.substep, drive, further, h, fixed)
-        return Table(np.concatenate([constant, constant_too]), rows, counts, substep_rows)
+    def _table(self, drive: Drive, mesh: Mesh, fixed: Array) -> Table:
+        first = np.concatenate([[0], np.cumsum(mesh.counts)[:-1]])
+        further = np.delete(np.arange(len(mesh.start)), first)
+        constant, rows = self._evaluated(self.sample, drive, mesh.start[first], mesh.end[first], fixed)
+        if not len(further):
+            return Table(constant, rows, mesh.counts - 1, np.empty((0, 0)))
+        more, substep_rows = self._evaluated(self.substep, drive, mesh.start[further], mesh.end[further], fixed)
+        return Table(np.concatenate([constant, more]), rows, mesh.counts - 1, substep_rows)
 
-    def _evaluated(self, split: Split, drive: Drive, time: Array, h: float, fixed: Array) -> tuple[Array, Array]:
-        """Constant values and rows of the table, for steps of length ``h`` that start at ``time``."""
-        count = len(time)
+    def _evaluated(self, split: Split, drive: Drive, start: Array, end: Array, fixed: Array) -> tuple[Array, Array]:
+        """Constant values and rows of the table, for steps from ``start`` to ``end``."""
+        count, length = len(start), end - start
 
         def everywhere(values: Array) -> Array:
             return np.broadcast_to(np.asarray(values, dtype=float)[:, None], (len(values), count))
@@ -119,12 +113,14 @@ class Variant:
             # no lane's: never read
             "free": np.empty((0, count)),
             "state": np.empty((0, count)),
-            "input": np.concatenate([drive.at(time + node * h) for node in self.scheme.nodes]),
-            "slope": drive.slope(time),
+            "input": np.concatenate(
+                [drive.at(end if node == 1 else start + node * length) for node in self.scheme.nodes]
+            ),
+            "slope": drive.slope(start),
             "first": everywhere(drive.at(np.zeros(1))[:, 0]),
             "fixed": everywhere(fixed),
             "condition": everywhere(drive.conditions),
-            "h": np.full((1, count), h),
+            "h": length[None],
         }
         values = evaluate(split.table, [points[name] for name in GRAPH_INPUTS])
         cut = len(split.constant)

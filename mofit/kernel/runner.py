@@ -1,0 +1,167 @@
+"""Parameter sets cut into blocks of lanes, blocks handed to threads."""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.kernel.drive import Drive
+from mofit.kernel.loop import JOB_FIELDS
+from mofit.kernel.machine import host
+from mofit.kernel.mesh import Rung, find_switches
+from mofit.kernel.variant import Table, Variant
+from mofit.model import System
+
+Array = NDArray[np.float64]
+
+#: more sets of values of the parameters that are not free than this, and they go into lanes
+_MANY = 4
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ways to integrate one test and which of them each parameter set takes (-1: none)."""
+
+    rungs: tuple[Rung, ...]
+    taken: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Parameter sets that go through one test together, padded to full lanes by repeating the last."""
+
+    drive: int
+    rows: NDArray[np.intp]
+    rung: Rung
+    lanes: int
+    parameters: Array  # (np, L): free, then fixed
+    spread: bool
+
+
+class Runner:
+    """Runs parameter sets through tests, integrated as told.
+
+    Parameters
+    ----------
+    system, drives, free
+        As for `Simulator`.
+    jobs
+        Number of threads.
+    """
+
+    def __init__(self, system: System, drives: Sequence[Drive], free: Sequence[str], jobs: int) -> None:
+        self.system, self.drives, self.free, self.jobs = system, tuple(drives), tuple(free), jobs
+        order = [system.parameters.index(name) for name in self.free]
+        self._order = order + [index for index in range(len(system.parameters)) if index not in order]
+        self._switches = [find_switches(system, drive) for drive in self.drives]
+        self._variants: dict[tuple[str, bool, bool, bool], Variant] = {}
+        self._pool = ThreadPoolExecutor(jobs) if jobs > 1 else None
+
+    def select(self, index: Sequence[int]) -> Runner:
+        """The same on some of the tests; compiled code and tables are shared."""
+        other = copy.copy(self)
+        other.drives = tuple(self.drives[i] for i in index)
+        other._switches = [self._switches[i] for i in index]
+        return other
+
+    def reduced(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> Array:
+        """Sums (see `loop.Shape.sums`) per parameter set and test."""
+        blocks = self._blocks(p, choices)
+        nf = len(self.free)
+        sums = 1 + (nf + nf * (nf + 1) // 2) * derivatives
+        shapes = [(sums, block.lanes) for block in blocks]
+        result = np.full((len(p), len(self.drives), sums), np.nan)
+        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=True), strict=True):
+            result[block.rows, block.drive] = values[:, : len(block.rows)].T
+        return result
+
+    def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[Array]:
+        """Outputs and their derivatives, (N, n, ny, 1 + nf) per test."""
+        blocks = self._blocks(p, choices)
+        ny, columns = len(self.system.outputs), 1 + len(self.free) * derivatives
+        shapes = [(self.drives[block.drive].samples, columns, ny, block.lanes) for block in blocks]
+        result = [np.full((len(p), drive.samples, ny, columns), np.nan) for drive in self.drives]
+        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=False), strict=True):
+            result[block.drive][block.rows] = values[..., : len(block.rows)].transpose(3, 0, 2, 1)
+        return result
+
+    def _blocks(self, p: Array, choices: Sequence[Choice]) -> list[_Block]:
+        """Cut the batch into blocks that share a test, the fixed parameters and the way of integration."""
+        ordered = np.ascontiguousarray(p[:, self._order])
+        fixed = ordered[:, len(self.free) :]
+        group, spread = np.zeros(len(p), dtype=int), False
+        if fixed.size and np.any(fixed != fixed[0]):
+            sets, group = np.unique(fixed, axis=0, return_inverse=True)
+            spread = len(sets) > _MANY
+            group = np.zeros_like(group) if spread else group.ravel()
+        blocks = []
+        for index, choice in enumerate(choices):
+            for number in np.unique(choice.taken[choice.taken >= 0]):
+                takes = choice.taken == number
+                for which in np.unique(group[takes]):
+                    rows = np.flatnonzero(takes & (group == which))
+                    blocks += self._cut(index, rows, choice.rungs[number], ordered, spread)
+        return blocks
+
+    def _cut(self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool) -> list[_Block]:
+        narrow = host().width
+        blocks = []
+        while len(rows):
+            lanes = narrow if len(rows) <= narrow else 2 * narrow
+            taken, rows = rows[:lanes], rows[lanes:]
+            padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
+            blocks.append(_Block(drive, taken, rung, lanes, np.ascontiguousarray(ordered[padded].T), spread))
+        return blocks
+
+    def _variant(self, rung: Rung, derivatives: bool, reduce: bool, spread: bool) -> Variant:
+        key = (rung.scheme.name, derivatives, reduce, spread)
+        if key not in self._variants:
+            self._variants[key] = Variant(self.system, self.free, rung.scheme, derivatives, reduce, spread)
+        return self._variants[key]
+
+    def _run(
+        self, blocks: list[_Block], shapes: Sequence[tuple[int, ...]], derivatives: bool, reduce: bool
+    ) -> list[Array]:
+        """The result of every block."""
+        results = [np.empty(shape) for shape in shapes]
+        entries: dict[int, tuple[object, list[int]]] = {}
+        records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
+        alive: list[Table] = []
+        for index, (block, result) in enumerate(zip(blocks, results, strict=True)):
+            variant = self._variant(block.rung, derivatives, reduce, block.spread)
+            drive = self.drives[block.drive]
+            table = variant.table(drive, block.rung, self._switches[block.drive], block.parameters[len(self.free) :, 0])
+            code = variant.code(table.refined, block.lanes)
+            alive.append(table)
+            records[index] = (
+                drive.samples,
+                block.parameters.ctypes.data,
+                table.constant.ctypes.data,
+                table.rows.ctypes.data,
+                drive.data.ctypes.data,
+                table.counts.ctypes.data,
+                table.substep_rows.ctypes.data,
+                result.ctypes.data,
+            )
+            entries.setdefault(id(code), (code.entry, []))[1].append(index)
+        for entry, members in entries.values():
+            # the longest first, so that threads end together
+            members.sort(key=lambda i: -self.drives[blocks[i].drive].samples * blocks[i].rung.steps)
+            self._call(entry, np.ascontiguousarray(records[members]))
+        return results
+
+    def _call(self, entry: object, records: NDArray[np.int64]) -> None:
+        counter = ctypes.c_int64(0)
+        arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
+        if self._pool is None or len(records) == 1:
+            entry(*arguments)  # type: ignore[operator]
+            return
+        threads = [self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))]  # type: ignore[arg-type]
+        for thread in threads:
+            thread.result()
