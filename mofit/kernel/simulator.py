@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import ctypes
+import copy
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.kernel.drive import Drive
-from mofit.kernel.loop import JOB_FIELDS
-from mofit.kernel.machine import host
-from mofit.kernel.mesh import Rung, find_switches
+from mofit.kernel.mesh import Rung
+from mofit.kernel.runner import Choice, Runner
 from mofit.kernel.steps import RK4
-from mofit.kernel.variant import Table, Variant
 from mofit.model import System
 
 Array = NDArray[np.float64]
-
-#: more sets of values of the parameters that are not free than this, and they go into lanes
-_MANY = 4
 
 
 class Simulator:
@@ -40,9 +33,11 @@ class Simulator:
         Number of threads. Results are the same, bit for bit, for any number.
     tolerance
         Allowed error of the integration relative to the range of the outputs.
+    box
+        Bounds (lower, upper) of all parameters, in which sets will lie.
     steps
-        Fixed number of Runge-Kutta steps per sampling interval; by default it is chosen from the
-        stiffness at each parameter set.
+        Fixed number of Runge-Kutta steps per sampling interval; by default the method and the number of steps
+        are chosen for each parameter set.
 
     Raises
     ------
@@ -58,9 +53,10 @@ class Simulator:
         *,
         jobs: int = 1,
         tolerance: float = 1e-6,
+        box: tuple[ArrayLike, ArrayLike] | None = None,
         steps: int | None = None,
     ) -> None:
-        self.system, self.drives, self.jobs, self.tolerance = system, tuple(drives), jobs, tolerance
+        self.system, self.drives, self.tolerance = system, tuple(drives), tolerance
         self.free = tuple(system.parameters if free is None else free)
         unknown = [name for name in self.free if name not in system.parameters]
         raise_errors(
@@ -68,22 +64,35 @@ class Simulator:
             + [fault for drive in self.drives for fault in drive.faults(system)]
         )
         self._runner = Runner(system, self.drives, self.free, jobs)
+        self._steps = steps
+
+    def select(self, index: Sequence[int]) -> Simulator:
+        """The same on some of the tests; what is compiled and calibrated is shared."""
+        other = copy.copy(self)
+        other.drives = tuple(self.drives[i] for i in index)
+        other._runner = self._runner.select(index)
+        return other
 
     def simulate(self, p: ArrayLike) -> list[Array]:
         """Outputs of every test, each (N, n, ny), for parameter sets ``p`` of shape (N, np)."""
-        return [values[..., 0] for values in self._stored(p, derivatives=False)]
+        p = self._checked(p)
+        return [values[..., 0] for values in self._runner.stored(p, self._choices(p), derivatives=False)]
 
     def sensitivities(self, p: ArrayLike) -> list[tuple[Array, Array]]:
         """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test."""
-        return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
+        p = self._checked(p)
+        stored = self._runner.stored(p, self._choices(p), derivatives=True)
+        return [(values[..., 0], values[..., 1:]) for values in stored]
 
     def cost(self, p: ArrayLike) -> Array:
         r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T)."""
-        return self._reduced(p, derivatives=False)[..., 0]
+        p = self._checked(p)
+        return self._runner.reduced(p, self._choices(p), derivatives=False)[..., 0]
 
     def gauss_newton(self, p: ArrayLike) -> tuple[Array, Array, Array]:
         r"""Cost (N, T), :math:`J^T W r` (N, T, nf) and :math:`J^T W J` (N, T, nf, nf), with J = dy/dfree."""
-        sums = self._reduced(p, derivatives=True)
+        p = self._checked(p)
+        sums = self._runner.reduced(p, self._choices(p), derivatives=True)
         nf = len(self.free)
         normal = np.empty((*sums.shape[:2], nf, nf))
         upper = np.triu_indices(nf)
@@ -100,3 +109,7 @@ class Simulator:
             )
         return p
 
+    def _choices(self, p: Array) -> list[Choice]:
+        """How each test is integrated at every parameter set."""
+        fixed = Choice((Rung(RK4, self._steps or 2),), np.zeros(len(p), dtype=np.intp))
+        return [fixed] * len(self.drives)
