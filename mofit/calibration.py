@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from mofit.objectives import GaussianPrior
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, build_problem
 from mofit.refine import merge, refine
+from mofit.sample import laplace_covariance
 
 Array = NDArray[np.float64]
 
@@ -43,8 +44,7 @@ class Calibration:
     def sd(self) -> dict[str, float]:
         """Standard deviation per parameter (Laplace approximation); as wide as the box where the tests are silent."""
         space = self.problem.space
-        box = 12.0 * np.eye(len(space))  # a uniform unit box has variance 1/12
-        spread = np.sqrt(np.diag(np.linalg.inv(self.hessian + box)))
+        spread = np.sqrt(np.diag(laplace_covariance(self.hessian)))
         return dict(zip(space.names, map(float, spread * space.slope(space.from_unit(self.minimum))), strict=True))
 
     def prior(self, space: ParameterSpace) -> GaussianPrior:

@@ -6,15 +6,12 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
 from mofit import __version__
 from mofit.errors import InputError
-
-if TYPE_CHECKING:
-    from mofit.identify import Settings
 
 DONE, UNUSABLE, NOT_CONVERGED = 0, 2, 3
 INTERRUPTED = 130
@@ -24,9 +21,10 @@ app = App(
     version=__version__,
     help="Identify dynamic models from test-bench data, with every plausible solution and an honest spread.",
     help_format="rich",
+    default_parameter=Parameter(negative="", show_default=lambda value: value not in (False, ())),
 )
 
-Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON object on standard output.")]
+Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. All cores by default.")]
 
 
@@ -86,7 +84,7 @@ def identify(
     file: Path | None = None,
     /,
     *,
-    all_freqs: Annotated[bool, Parameter(negative="")] = False,
+    all_freqs: bool = False,
     freq: tuple[float, ...] = (),
     model: str | None = None,
     effect: tuple[str, ...] = (),
@@ -94,10 +92,10 @@ def identify(
     weights: tuple[str, ...] = (),
     bounds: tuple[str, ...] = (),
     fix: tuple[str, ...] = (),
-    joint: Annotated[bool, Parameter(negative="")] = False,
+    joint: bool = False,
     seed: int = 0,
     out: Path | None = None,
-    resume: Annotated[bool, Parameter(negative="")] = False,
+    resume: bool = False,
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> int:
@@ -151,9 +149,7 @@ def identify(
     if all_freqs and freq:
         raise InputError.of("--freq", "given together with --all-freqs", "Leave one of them out")
     with progress_bar() as progress:
-        folder, summary = identify_file(
-            file, model, effect, freq, options, out=out, resume=resume, progress=progress
-        )
+        folder, summary = identify_file(file, model, effect, freq, options, out=out, resume=resume, progress=progress)
     if as_json:
         _print_json(summary)
     else:
@@ -187,7 +183,10 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
 
 @app.command(name="import")
 def import_(
-    *sources: Path, map: Path, out: Path | None = None, as_json: Json = False  # noqa: A002 - the option's name
+    *sources: Path,
+    map: Path,
+    out: Path | None = None,
+    as_json: Json = False,
 ) -> int:
     """Turn measured files (CSV, text, MAT) into a campaign, as a map file says.
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from mofit.progress import Progress, silent
 from mofit.refine import Minimum, merge, refine
 from mofit.result import write_result
 from mofit.run import plan_folder
-from mofit.sample import SampleSettings, laplace_log_evidence, mode_weights, sample_mode
+from mofit.sample import SampleSettings, laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
 from mofit.search import PAPER, EffaSettings, SearchResult, effa
 
 Array = NDArray[np.float64]
@@ -149,14 +150,14 @@ def identify(
     with clock.measure("refine"):
         progress("refine", 0, 1, "")
         problem, minima = _refine(problem, _lift(found, dynamic, problem, calibrations))
-        modes = _plausible(minima, settings)
+        plausible = _plausible(minima, settings)
     with clock.measure("per_frequency"):
         per_test = _per_test(dynamic, settings, progress)
     with clock.measure("baseline"):
         baseline = _baseline(model, campaign, selected, settings)
-    with folder.at_work(configuration) as partial:
+    with folder.at_work(configuration) as unfinished:
         with clock.measure("sample"):
-            modes = _sample(problem, modes, settings, partial / "chains.h5", progress)
+            modes = _sample(problem, plausible, settings, unfinished / "chains.h5", progress)
         outcome = Outcome(
             campaign=campaign,
             configuration=configuration,
@@ -173,7 +174,7 @@ def identify(
             warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
         )
         with clock.measure("write"):
-            write_result(assemble(outcome), partial)
+            write_result(assemble(outcome), unfinished)
     return folder.target, outcome
 
 
@@ -205,7 +206,7 @@ def _choose_tests(model: Model, campaign: Campaign, tests: tuple[str, ...]) -> t
         kinds = ", ".join(sorted({m.kind for m in campaign.measurements}))
         raise InputError.of(
             f"campaign '{campaign.title}'",
-            f"model '{model.name}' is identified from tests of kind {', '.join(model.procedures)}; the campaign has {kinds}",
+            f"model '{model.name}' takes {', '.join(model.procedures)} tests; the campaign has {kinds}",
             "Choose another model or campaign",
         )
     return chosen
@@ -254,7 +255,7 @@ def _search(problem: Problem, settings: Settings, progress: Progress) -> SearchR
         np.random.default_rng(settings.seed),
         SEARCHES[settings.search],
         _weights(problem, settings),
-        lambda done, total, note: progress("search", done, total, note),
+        partial(_relay, progress, "search"),
     )
 
 
@@ -277,9 +278,7 @@ def _lift(
     return problem.space.to_unit(np.stack(columns, axis=1))
 
 
-def _refine(
-    problem: Problem | JointProblem, starts: Array
-) -> tuple[Problem | JointProblem, tuple[Minimum, ...]]:
+def _refine(problem: Problem | JointProblem, starts: Array) -> tuple[Problem | JointProblem, tuple[Minimum, ...]]:
     """Refine, count the independent residuals at the best minimum, and refine again under that noise."""
     first = merge(refine(problem.evaluate, starts))
     if not first:
@@ -294,7 +293,7 @@ def _refine(
 
 def _plausible(minima: tuple[Minimum, ...], settings: Settings) -> list[tuple[Minimum, float]]:
     """Minima that carry posterior weight, with their log evidence (Laplace)."""
-    evidence = np.array([laplace_log_evidence(m.value, m.hessian) for m in minima])
+    evidence = np.array([laplace_log_evidence(m.value, m.hessian, m.point, m.gradient) for m in minima])
     weights = mode_weights(evidence)
     order = np.argsort(-evidence)[: settings.most_modes]
     return [(minima[i], float(evidence[i])) for i in order if weights[i] >= settings.least_weight]
@@ -313,15 +312,19 @@ def _sample(
         chains = sample_mode(
             problem.log_posterior,
             minimum.point,
-            np.linalg.inv(minimum.hessian + 12.0 * np.eye(len(minimum.point))),
-            np.random.SeedSequence([settings.seed, number]),
+            laplace_covariance(minimum.hessian),
+            (settings.seed, number),
             settings.sampling,
-            path,
-            f"c{number}",
-            lambda done, total, note, n=number: progress(f"sample mode {n} of {len(modes)}", done, total, note),
+            backend_path=path,
+            mode=f"c{number}",
+            progress=partial(_relay, progress, f"sample mode {number} of {len(modes)}"),
         )
         sampled.append(Mode(f"c{number}", minimum, evidence, float(weight), chains))
     return tuple(sampled)
+
+
+def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:
+    progress(stage, done, total, note)
 
 
 def _per_test(dynamic: Problem, settings: Settings, progress: Progress) -> dict[str, Fit]:

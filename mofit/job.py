@@ -97,7 +97,9 @@ def _tests_at(campaign: Campaign, model: Model, frequencies: Sequence[float]) ->
         if not found:
             known = sorted({m.procedure.frequency for m in campaign.measurements if m.procedure.frequency is not None})
             raise InputError.of(
-                f"--freq {frequency:g}", "no test has this frequency", f"The campaign has {', '.join(f'{f:g}' for f in known)} Hz"
+                f"--freq {frequency:g}",
+                "no test has this frequency",
+                f"The campaign has {', '.join(f'{f:g}' for f in known)} Hz",
             )
         tests += found
     return tuple(tests)

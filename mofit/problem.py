@@ -53,6 +53,8 @@ class Problem:
         Counted and independent residuals per test.
     prior
         What earlier stages know of some free parameters.
+    jobs
+        Threads.
     """
 
     model: Model
@@ -65,6 +67,7 @@ class Problem:
     drives: tuple[Drive, ...]
     noise: Noise
     prior: GaussianPrior | None = None
+    jobs: int = 1
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -146,7 +149,7 @@ class Problem:
             measurements=tuple(self.measurements[i] for i in index),
             records=tuple(self.records[i] for i in index),
             drives=drives,
-            simulator=_simulator(self.system, drives, self.space, self.fixed, self.simulator.jobs),
+            simulator=_simulator(self.system, drives, self.space, self.fixed, self.jobs),
             noise=Noise(self.noise.count[index], self.noise.independent[index]),
         )
 
@@ -209,6 +212,7 @@ def build_problem(
         drives=drives,
         noise=Noise(count, count.copy()),
         prior=prior,
+        jobs=jobs,
     )
 
 
@@ -259,17 +263,14 @@ def _require(model: Model, campaign: Campaign) -> None:
 
 def _drive(model: Model, measurement: Measurement, record: Record, settled: bool) -> Drive:
     procedure = measurement.procedure
+    columns: dict[str, Array] = {**procedure.inputs, **measurement.outputs}
     derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
-    columns: dict[str, Array] = {}
     for name in derived:
         # the smoothed signal goes with its derivative, so that both describe one motion
         smooth, slope = smooth_derivative(procedure.time, measurement.channel(name), record.noise_sd.get(name))
         columns[name] = smooth
         columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
-    inputs = np.stack(
-        [columns.get(channel.name, None) if channel.name in columns else measurement.channel(channel.name)
-         for channel in model.inputs], axis=1,
-    )  # fmt: skip
+    inputs = np.stack([columns[channel.name] for channel in model.inputs], axis=1)
     measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
     start = procedure.time[0]
     if settled:

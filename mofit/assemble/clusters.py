@@ -11,6 +11,7 @@ from mofit.assemble.signals import predictions, predictive
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
 from mofit.result import quantity
+from mofit.sample import laplace_covariance
 from mofit.verdict import contraction, verdict
 
 Array = NDArray[np.float64]
@@ -31,9 +32,7 @@ def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
         groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
         groups[f"{path}/sample_stats"] = _sample_stats(mode)
         groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, draws.points)
-        groups[f"{path}/posterior_predictive"] = predictive(
-            outcome.problem, _few(outcome.problem, draws.points)
-        )
+        groups[f"{path}/posterior_predictive"] = predictive(outcome.problem, _few(outcome.problem, draws.points))
     return groups
 
 
@@ -48,8 +47,8 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     space, minimum, chains = problem.space, mode.minimum, mode.chains
     samples = draws.reshape(-1, len(space))
     values = space.from_unit(samples)
-    inverse = np.linalg.inv(minimum.hessian + 12.0 * np.eye(len(space)))
-    scale = np.sqrt(np.diag(inverse))
+    covariance = laplace_covariance(minimum.hessian)
+    scale = np.sqrt(np.diag(covariance))
     per_parameter = {
         "value": (space.from_unit(minimum.point), "as unit", "refined minimum"),
         "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
@@ -67,7 +66,7 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     }
     variables = {name: quantity("parameter", *entry) for name, entry in per_parameter.items()}
     variables["laplace_correlation"] = quantity(
-        ("parameter", "parameter_"), inverse / np.outer(scale, scale), "1", "correlation (Laplace)"
+        ("parameter", "parameter_"), covariance / np.outer(scale, scale), "1", "correlation (Laplace)"
     )
     variables["nrmsd"] = quantity("test", problem.objectives(minimum.point[None])[0], "1", "NRMSD at the minimum")
     return xr.Dataset(
@@ -102,7 +101,7 @@ def _sample_stats(mode: Mode) -> xr.Dataset:
     draws = mode.chains.thinned()
     return xr.Dataset(
         {
-            "lp": quantity(("chain", "draw"), draws.log_posterior, "1", "log posterior density"),
+            "lp": quantity(("chain", "draw"), draws.log_prob, "1", "log posterior density"),
             "walker": quantity(("chain", "draw"), draws.walker, "1", "walker in its ensemble"),
             "step": quantity(("chain", "draw"), draws.step, "1", "step of the ensemble"),
         },
@@ -125,5 +124,5 @@ def _log_likelihood(problem: Problem, draws: Array) -> xr.Dataset:
     )
 
 
-def _axes(draws: Array) -> dict[str, tuple[str, Array]]:
-    return {"chain": ("chain", np.arange(draws.shape[0])), "draw": ("draw", np.arange(draws.shape[1]))}
+def _axes(draws: Array) -> dict[str, tuple[str, list[int]]]:
+    return {"chain": ("chain", list(range(draws.shape[0]))), "draw": ("draw", list(range(draws.shape[1])))}

@@ -13,6 +13,7 @@ from mofit.outcome import Outcome
 from mofit.problem import Problem
 from mofit.refine import Minimum
 from mofit.result import quantity
+from mofit.sample import laplace_covariance
 
 Array = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ MINIMA_PER_TEST = 3
 
 def laplace_sd(problem: Problem, minimum: Minimum) -> Array:
     """Standard deviation per parameter at a minimum; no wider than the box allows (variance 1/12)."""
-    spread = np.sqrt(np.diag(np.linalg.inv(minimum.hessian + 12.0 * np.eye(len(minimum.point)))))
+    spread = np.sqrt(np.diag(laplace_covariance(minimum.hessian)))
     return np.asarray(spread * problem.space.slope(problem.space.from_unit(minimum.point)))
 
 
@@ -100,7 +101,10 @@ def _stage(calibration: Calibration) -> xr.Dataset:
                 "sample", joined([s[0, :, 0] for s in simulated]), output.unit, f"fitted {title_of(output.name)}"
             ),
             "nrmsd": quantity(
-                (), float(np.mean(problem.objectives(calibration.minimum[None]))), "1", "mean NRMSD of the stage's tests"
+                (),
+                float(np.mean(problem.objectives(calibration.minimum[None]))),
+                "1",
+                "mean NRMSD of the stage",
             ),
         },
         {dimension: (dimension, list(problem.space.names))},

@@ -64,9 +64,7 @@ def _root(outcome: Outcome) -> xr.Dataset:
             "time dropped at the start",
         ),
         "noise_sd": quantity("test", [r.noise_sd[output.name] for r in records], output.unit, "noise of the output"),
-        "noise_floor": quantity(
-            "test", [r.noise_floor[output.name] for r in records], "1", "NRMSD of the noise alone"
-        ),
+        "noise_floor": quantity("test", [r.noise_floor[output.name] for r in records], "1", "NRMSD of the noise alone"),
         "range": quantity("test", spread, output.unit, "peak-to-peak of the output"),
         "weight": quantity("test", outcome.weights, "1", "weight in the search"),
         "independent": quantity("test", problem.noise.independent, "1", "independent residuals"),

@@ -51,7 +51,9 @@ def measurement(frequency, gain=2.0, lag=0.15, noise=0.0, seed=0, kind="sine"):
     u = np.sin(2 * np.pi * frequency * time)
     y = lag_response(time, gain, lag, frequency) + noise * np.random.default_rng(seed).normal(size=len(time))
     return Measurement(
-        Procedure(f"test_{frequency:g}", kind, time, {"u": u}, {}, frequency, 1.0), {"response": y}, {"u": "1", "response": "1"}
+        Procedure(f"test_{frequency:g}", kind, time, {"u": u}, {}, frequency, 1.0),
+        {"response": y},
+        {"u": "1", "response": "1"},
     )
 
 

@@ -1,0 +1,17 @@
+"""NAME=VALUE options."""
+
+import pytest
+
+from mofit.errors import InputError
+from mofit.options import by_name, range_by_name
+
+
+def test_values_by_name():
+    assert by_name("--fix", ["d_y=281", "c_M=2e4"]) == {"d_y": 281.0, "c_M": 2e4}
+    assert range_by_name("--bounds", ["d_M=1e3:2e4", "p=-1:1"]) == {"d_M": (1e3, 2e4), "p": (-1.0, 1.0)}
+
+
+def test_every_bad_entry_is_named():
+    with pytest.raises(InputError) as caught:
+        range_by_name("--bounds", ["a=1", "b=1:2", "c", "d=x:1"])
+    assert [fault.where for fault in caught.value.faults] == ["--bounds a=1", "--bounds c", "--bounds d=x:1"]
