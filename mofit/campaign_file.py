@@ -14,7 +14,7 @@ from mofit.campaign import Array, Campaign, Measurement, Procedure
 from mofit.errors import Fault, did_you_mean, raise_errors
 from mofit.labels import CHANNELS, HOLDS, KINDS, PERIODIC_KINDS, known_unit, title_of
 from mofit.units import UnitError, si_unit, to_si
-from mofit.validity import channel_faults, time_faults, whole_period_faults
+from mofit.validity import channel_faults, role_faults, time_faults, whole_period_faults
 
 SCHEMA = "mofit.campaign/1"
 _NUMBERS = ("frequency", "amplitude", "start_time", "transient")
@@ -124,7 +124,10 @@ def _measurement(
         what = f"missing on a {kind} test"
         faults.append(Fault(f"{where}, attribute 'frequency'", what, "Add the labelled frequency in Hz", "warning"))
     time = _values(where, data["time"], "s", faults)
-    channels, units = _channels(where, data, faults)
+    channel_problems: list[Fault] = []
+    channels, units = _channels(where, data, channel_problems)
+    # a channel with a fault of its own is not also missing
+    faults += channel_problems or role_faults(where, channels["input"], channels["output"])
     if time is not None:
         bad_time = time_faults(where, time)
         faults += bad_time
@@ -154,7 +157,8 @@ def _channels(where: str, data: xr.Dataset, faults: list[Fault]) -> tuple[dict[s
         role = variable.attrs.get("role", usual)
         if role not in channels:
             what = "has no attribute 'role' and is not a channel that mofit knows" if role is None else f"role '{role}'"
-            faults.append(Fault(place, what, f"Set role = 'input' or 'output'. {did_you_mean(name, CHANNELS)}"))
+            guess = f". {did_you_mean(name, CHANNELS)}" if role is None else ""
+            faults.append(Fault(place, what, f"Set role = 'input' or 'output'{guess}"))
             continue
         unit = _unit_of(place, name, variable, faults)
         values = _values(where, variable, unit, faults) if unit else None

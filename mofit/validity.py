@@ -54,12 +54,19 @@ def finite_faults(where: str, values: Array) -> list[Fault]:
     return [Fault(where, what, "Repair or cut the record; mofit does not invent samples")]
 
 
+def role_faults(where: str, inputs: Mapping[str, Array], outputs: Mapping[str, Array]) -> list[Fault]:
+    """A test without an input, or without an output."""
+    return [
+        Fault(where, f"no {role} channel", f"Add one, or set role = '{role}' on it")
+        for role, group in (("input", inputs), ("output", outputs))
+        if not group
+    ]
+
+
 def channel_faults(where: str, kind: str, inputs: Mapping[str, Array], outputs: Mapping[str, Array]) -> list[Fault]:
-    """No input or output, samples that are not finite, and channels that never move."""
+    """Samples that are not finite, and channels that never move."""
     faults = []
     for role, group in (("input", inputs), ("output", outputs)):
-        if not group:
-            faults.append(Fault(where, f"no {role} channel", f"Add one, or set the attribute role = '{role}' on it"))
         for name, values in group.items():
             place = f"{where}, variable '{name}'"
             bad = finite_faults(place, values)

@@ -15,7 +15,7 @@ from mofit.labels import CHANNELS, known_unit
 from mofit.readers.map_file import ColumnMap, TestMap, quantity, read_map
 from mofit.readers.table import Table, read_table
 from mofit.units import UnitError, si_unit, to_si
-from mofit.validity import channel_faults, time_faults, whole_period_faults
+from mofit.validity import channel_faults, role_faults, time_faults, whole_period_faults
 
 _UNITS = {"frequency": "Hz", "start_time": "s", "transient": "s", "sample_rate": "Hz"}
 
@@ -162,6 +162,7 @@ def _faults(
                 faults.append(Fault(f"{where}, channel '{name}'", what, "Take columns of one table"))
     if not faults:
         faults += whole_period_faults(where, test.procedure, time, frequency)
+    faults += role_faults(where, channels["input"], channels["output"])
     return faults + channel_faults(where, test.procedure, channels["input"], channels["output"])
 
 
