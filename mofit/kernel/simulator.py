@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.kernel.drive import Drive
-from mofit.kernel.mesh import Rung
-from mofit.kernel.runner import Choice, Runner
-from mofit.kernel.steps import RK4
+from mofit.kernel.runner import Runner
+from mofit.kernel.rule import Rule
+from mofit.kernel.stepping import Stepping
 from mofit.model import System
 
 Array = NDArray[np.float64]
@@ -34,10 +34,11 @@ class Simulator:
     tolerance
         Allowed error of the integration relative to the range of the outputs.
     box
-        Bounds (lower, upper) of all parameters, in which sets will lie.
+        Bounds (lower, upper) of all parameters, in which sets will lie: the method and its number of steps are
+        then chosen by a rule that is calibrated once, at first use. Without it both are measured for each set,
+        which takes several times as long as what is asked for.
     steps
-        Fixed number of Runge-Kutta steps per sampling interval; by default the method and the number of steps
-        are chosen for each parameter set.
+        Fixed number of Runge-Kutta steps per sampling interval instead.
 
     Raises
     ------
@@ -64,7 +65,7 @@ class Simulator:
             + [fault for drive in self.drives for fault in drive.faults(system)]
         )
         self._runner = Runner(system, self.drives, self.free, jobs)
-        self._steps = steps
+        self._stepping = Stepping(system, self.drives, self.free, tolerance, box, steps, jobs)
 
     def select(self, index: Sequence[int]) -> Simulator:
         """The same on some of the tests; what is compiled and calibrated is shared."""
@@ -73,26 +74,31 @@ class Simulator:
         other._runner = self._runner.select(index)
         return other
 
+    @property
+    def rules(self) -> list[Rule]:
+        """How each test is integrated, by stiffness; empty without a ``box``."""
+        return self._stepping.rules(self.drives)
+
     def simulate(self, p: ArrayLike) -> list[Array]:
         """Outputs of every test, each (N, n, ny), for parameter sets ``p`` of shape (N, np)."""
         p = self._checked(p)
-        return [values[..., 0] for values in self._runner.stored(p, self._choices(p), derivatives=False)]
+        return [values[..., 0] for values in self._runner.stored(p, self._stepping.choices(p, self.drives), derivatives=False)]
 
     def sensitivities(self, p: ArrayLike) -> list[tuple[Array, Array]]:
         """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test."""
         p = self._checked(p)
-        stored = self._runner.stored(p, self._choices(p), derivatives=True)
+        stored = self._runner.stored(p, self._stepping.choices(p, self.drives), derivatives=True)
         return [(values[..., 0], values[..., 1:]) for values in stored]
 
     def cost(self, p: ArrayLike) -> Array:
         r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T)."""
         p = self._checked(p)
-        return self._runner.reduced(p, self._choices(p), derivatives=False)[..., 0]
+        return self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives=False)[..., 0]
 
     def gauss_newton(self, p: ArrayLike) -> tuple[Array, Array, Array]:
         r"""Cost (N, T), :math:`J^T W r` (N, T, nf) and :math:`J^T W J` (N, T, nf, nf), with J = dy/dfree."""
         p = self._checked(p)
-        sums = self._runner.reduced(p, self._choices(p), derivatives=True)
+        sums = self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives=True)
         nf = len(self.free)
         normal = np.empty((*sums.shape[:2], nf, nf))
         upper = np.triu_indices(nf)
@@ -108,8 +114,3 @@ class Simulator:
                 f"Give one column per parameter: {', '.join(self.system.parameters)}",
             )
         return p
-
-    def _choices(self, p: Array) -> list[Choice]:
-        """How each test is integrated at every parameter set."""
-        fixed = Choice((Rung(RK4, self._steps or 2),), np.zeros(len(p), dtype=np.intp))
-        return [fixed] * len(self.drives)

@@ -119,7 +119,7 @@ _READ = (0.0, 0.386, 0.21, 0.63, 1.0)
 
 #: stiffly accurate, L-stable Rosenbrock method of order 4
 #: (Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed., section VI.4)
-RODAS4 = Scheme("RODAS4", _READ, _rodas4, graded=True, cost=2.5)
+RODAS4 = Scheme("RODAS4", _READ, _rodas4, graded=True, cost=4.0)
 
 #: inputs of `build_graph`'s functions, with the level of each
 GRAPH_INPUTS = {
