@@ -17,6 +17,7 @@ _MODELS = {
     "quasi_static_spring": "quasi_static_spring:QuasiStaticSpring",
     "maxwell_damper": "damper:MaxwellDamper",
     "kelvin_voigt_damper": "damper:KelvinVoigtDamper",
+    "bouc_wen_damper": "bouc_wen_damper:BoucWenDamper",
     "oscillator": "oscillator:Oscillator",
     "duffing_oscillator": "oscillator:DuffingOscillator",
 }

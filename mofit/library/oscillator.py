@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import casadi as ca
+import numpy as np
 
 from mofit.model import Channel, Equations, Model
 from mofit.parameters import Parameter
@@ -14,54 +15,60 @@ if TYPE_CHECKING:
 
 
 class Oscillator(Model):
-    r"""Mass, damper and spring, :math:`m \ddot x + d \dot x + k x = F`.
+    r"""Mass, damper and spring, :math:`m \ddot x + d \dot x + k x = F`, by stiffness, frequency and damping ratio.
 
-    Force [N] in, displacement [m] out; positive together. States: displacement [m] and velocity [m/s], at rest at
-    the start.
+    .. math::
+        \ddot x = \omega_0^2 \, \frac{F - k x}{k} - 2 \zeta \omega_0 \dot x, \qquad
+        \omega_0 = 2 \pi f_0 = \sqrt{k / m}, \quad \zeta = \frac{d}{2 \sqrt{k m}}
+
+    Force [N] in, displacement [m] out with the offset :math:`x_0` of its transducer; positive together. States:
+    position [m] and velocity [m/s], at rest at the start. Frequency and damping ratio are read off a response
+    almost independently, which mass and damping are not.
     """
 
     name = "oscillator"
     title = "linear oscillator"
     parameters = (
-        Parameter("m", "kg", 1e-6, 1e4, 1.0, "log", "mass"),
-        Parameter("d", "N s/m", 1e-6, 1e6, 1.0, "log", "damping"),
-        Parameter("k", "N/m", 1e-3, 1e8, 1e2, "log", "stiffness"),
+        Parameter("k", "N/m", 1e-2, 1e4, 10.0, "log", "stiffness"),
+        Parameter("f_0", "Hz", 0.1, 1e3, 10.0, "log", "natural frequency without damping"),
+        Parameter("zeta", "1", 1e-3, 2.0, 0.05, "log", "damping ratio"),
+        Parameter("x_0", "m", -0.1, 0.1, 0.0, description="offset of the displacement transducer"),
     )
     states = (Channel("position", "m", "displacement of the mass"), Channel("velocity", "m/s", "velocity of the mass"))
     inputs = (Channel("force", "N", "driving force"),)
-    outputs = (Channel("displacement", "m", "displacement of the mass"),)
+    outputs = (Channel("displacement", "m", "measured displacement of the mass"),)
 
     def spring_force(self, s: Symbols, x: ca.SX) -> ca.SX:
-        """Force of the spring [N] at displacement ``x`` [m]."""
+        """Force of the spring [N] at deflection ``x`` [m]."""
         return s.k * x
 
     def equations(self, s: Symbols) -> Equations:
         """Newton's law."""
-        x = s.quantity("deflection", s.position)
-        spring = s.quantity("spring_force", self.spring_force(s, x))
-        damper = s.quantity("damper_force", s.d * s.velocity)
+        omega = 2 * np.pi * s.f_0
+        spring = s.quantity("spring_force", self.spring_force(s, s.quantity("deflection", s.position)))
+        damper = s.quantity("damper_force", 2 * s.zeta * s.k / omega * s.velocity)
         return Equations(
-            outputs={"displacement": s.position},
-            rates={"position": s.velocity, "velocity": (s.force - spring - damper) / s.m},
+            outputs={"displacement": s.position + s.x_0},
+            rates={"position": s.velocity, "velocity": omega**2 / s.k * (s.force - spring - damper)},
         )
 
 
 class DuffingOscillator(Oscillator):
-    r"""Oscillator with a cubic and a quadratic spring, :math:`m \ddot x + d \dot x + k x + k_2 x^2 + k_3 x^3 = F`.
+    r"""Oscillator with a quadratic and a cubic spring: :math:`k x + k_2 x^2 + k_3 x^3` in place of :math:`k x`.
 
-    The standard non-linear oscillator, so a model of its own; it equals `Oscillator` with the effects
-    ``cubic_stiffness`` and a quadratic term. Its baseline is the linear oscillator.
+    The standard non-linear oscillator, hence a model of its own rather than effects put together; its baseline is
+    the linear oscillator.
     """
 
     name = "duffing_oscillator"
     title = "Duffing oscillator"
     parameters = (
         *Oscillator.parameters,
-        Parameter("k_2", "N/m2", -1e4, 1e4, 0.0, description="quadratic stiffness"),
-        Parameter("k_3", "N/m3", -1e5, 1e5, 0.0, description="cubic stiffness; positive: hardening"),
+        Parameter("k_2", "N/m^2", -10.0, 10.0, 0.0, description="quadratic stiffness"),
+        Parameter("k_3", "N/m^3", -20.0, 100.0, 0.0, description="cubic stiffness; positive: hardening"),
     )
     baseline = "oscillator"
 
     def spring_force(self, s: Symbols, x: ca.SX) -> ca.SX:
-        """Force of the spring [N] at displacement ``x`` [m]."""
+        """Force of the spring [N] at deflection ``x`` [m]."""
         return s.k * x + s.k_2 * x**2 + s.k_3 * x**3
