@@ -22,7 +22,17 @@ _MODELS = {
     "duffing_oscillator": "oscillator:DuffingOscillator",
 }
 
-_EFFECTS: dict[str, str] = {}
+_EFFECTS = {
+    "second_branch": "effects.second_branch:SecondBranch",
+    "relaxation_spectrum": "effects.relaxation_spectrum:RelaxationSpectrum",
+    "dry_friction": "effects.dry_friction:DryFriction",
+    "quadratic_damping": "effects.quadratic_damping:QuadraticDamping",
+    "cubic_stiffness": "effects.cubic_stiffness:CubicStiffness",
+    "asymmetric_stiffness": "effects.asymmetric_stiffness:AsymmetricStiffness",
+    "slip_offset": "effects.slip_offset:SlipOffset",
+    "force_offset": "effects.force_offset:ForceOffset",
+    "force_gain": "effects.force_gain:ForceGain",
+}
 
 
 def model_names() -> tuple[str, ...]:

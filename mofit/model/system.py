@@ -112,6 +112,10 @@ def _assemble(
     xdot = _column(where, rates, groups["x"])
     y = _column(where, outputs, output_names)
     x0 = _column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"])
+    for _ in groups["x"]:
+        # an initial value may build on another one: an effect's state starts from the model's, or the reverse
+        if ca.depends_on(x0, x):
+            x0 = ca.SX(ca.substitute(x0, x, x0))
     quantities = tuple(symbols.quantities)
     named = _column(where, symbols.quantities, quantities)
     try:

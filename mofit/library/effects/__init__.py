@@ -1,0 +1,1 @@
+"""Shipped effects: what a model may leave out, one short file each."""
