@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -16,78 +12,24 @@ from numpy.typing import NDArray
 from mofit.assemble import assemble
 from mofit.calibration import Calibration, calibrate, calibrated_values
 from mofit.campaign import Campaign
-from mofit.errors import Fault, InputError, did_you_mean, raise_errors
+from mofit.errors import InputError, did_you_mean
 from mofit.joint import JointProblem
+from mofit.journal import Clock, Journal
 from mofit.library import find_model
 from mofit.model import Model
-from mofit.objectives.prior import join_priors
 from mofit.outcome import Fit, Mode, Outcome
-from mofit.parameters import ParameterSpace
-from mofit.problem import Problem, build_problem
+from mofit.posing import choose_tests, dynamic_problem, main_problem, search_weights
+from mofit.problem import Problem
 from mofit.progress import Progress, silent
 from mofit.refine import Minimum, merge, refine
+from mofit.report import build_report
 from mofit.result import write_result
 from mofit.run import plan_folder
-from mofit.sample import SampleSettings, laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
-from mofit.search import PAPER, EffaSettings, SearchResult, effa
+from mofit.sample import laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
+from mofit.search import SearchResult, effa
+from mofit.settings import SEARCHES, Settings, free_space
 
 Array = NDArray[np.float64]
-
-SEARCHES: Mapping[str, EffaSettings] = {"effa": EffaSettings(), "paper": PAPER}
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What decides an identification's numbers, and ``jobs``, which does not.
-
-    Parameters
-    ----------
-    search
-        ``"effa"`` (cluster bests make trial moves, Sobol start) or ``"paper"`` (exactly as published).
-    weights
-        Weight of a test's NRMSD in the search; 1 where not named.
-    seed
-        Seed of every random draw.
-    joint
-        Identify calibration and dynamic parameters at once, all tests together.
-    bounds, fixed
-        Other bounds, or a fixed value, for parameters by name.
-    least_weight
-        Modes of less posterior weight are listed, not sampled.
-    most_modes
-        Most modes that are sampled.
-    jobs
-        Threads; all cores by default.
-    """
-
-    search: str = "effa"
-    weights: Mapping[str, float] = field(default_factory=dict)
-    seed: int = 0
-    joint: bool = False
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    least_weight: float = 1e-3
-    most_modes: int = 6
-    sampling: SampleSettings = field(default_factory=SampleSettings)
-    jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
-
-    def deciding(self) -> dict[str, object]:
-        """The settings that decide the numbers, as plain data."""
-        return {key: value for key, value in asdict(self).items() if key != "jobs"}
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Seconds per stage."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def measure(self, stage: str) -> Iterator[None]:
-        """Add the time spent in the block to a stage."""
-        start = time.perf_counter()
-        yield
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start
 
 
 def identify(
@@ -132,9 +74,10 @@ def identify(
         If campaign, model and settings don't fit together; nothing is written then.
     """
     settings = settings or Settings()
+    progress = journal = Journal(progress)
     clock = Clock()
-    space = _space(model, settings)
-    chosen = _choose_tests(model, campaign, tests)
+    space = free_space(model, settings)
+    chosen = choose_tests(model, campaign, tests)
     configuration = {"model": model.name, "campaign": campaign.hash(), "tests": list(chosen), **settings.deciding()}
     folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
 
@@ -143,8 +86,8 @@ def identify(
         calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
     with clock.measure("prepare"):
         selected = campaign.select(chosen)
-        dynamic = _dynamic_problem(model, selected, space, calibrations, settings)
-        problem = _main_problem(model, selected, space, calibrations, settings)
+        dynamic = dynamic_problem(model, selected, space, calibrations, settings)
+        problem = main_problem(model, selected, space, calibrations, settings)
     with clock.measure("search"):
         found = _search(dynamic, settings, progress)
     with clock.measure("refine"):
@@ -156,6 +99,7 @@ def identify(
     with clock.measure("baseline"):
         baseline = _baseline(model, campaign, selected, settings)
     with folder.at_work(configuration) as unfinished:
+        journal.write_to(unfinished / "run.log")
         with clock.measure("sample"):
             modes = _sample(problem, plausible, settings, unfinished / "chains.h5", progress)
         outcome = Outcome(
@@ -165,7 +109,7 @@ def identify(
             problem=problem.main if isinstance(problem, JointProblem) else problem,
             dynamic=dynamic,
             search=found,
-            weights=_weights(dynamic, settings),
+            weights=search_weights(dynamic, settings),
             minima=minima,
             modes=modes,
             baseline=baseline,
@@ -175,75 +119,17 @@ def identify(
         )
         with clock.measure("write"):
             write_result(assemble(outcome), unfinished)
+        with clock.measure("report"):
+            progress("report", 0, 1, "")
+            build_report(unfinished)
+        for warning in outcome.warnings:
+            journal.note(f"warning: {warning}")
+        journal.note("converged" if outcome.converged else "NOT converged")
     return folder.target, outcome
 
 
 def _slug(title: str) -> str:
     return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40] or "run"
-
-
-def _space(model: Model, settings: Settings) -> ParameterSpace:
-    """Free parameters: the model's, without the fixed ones, in the bounds asked for."""
-    space = ParameterSpace(model.parameters)
-    raise_errors(
-        Fault(f"option '{name}'", f"model '{model.name}' has no such parameter", did_you_mean(name, space.names))
-        for name in (*settings.bounds, *settings.fixed)
-        if name not in space.names
-    )
-    for name, (lower, upper) in settings.bounds.items():
-        space = space.with_bounds(name, lower, upper)
-    free = [name for name in space.names if name not in settings.fixed]
-    if not free:
-        raise InputError.of("--fix", "no parameter is left free", "Leave at least one free")
-    return space.subset(free)
-
-
-def _choose_tests(model: Model, campaign: Campaign, tests: tuple[str, ...]) -> tuple[str, ...]:
-    if tests:
-        return tests
-    chosen = tuple(m.name for m in campaign.measurements if not model.procedures or m.kind in model.procedures)
-    if not chosen:
-        kinds = ", ".join(sorted({m.kind for m in campaign.measurements}))
-        raise InputError.of(
-            f"campaign '{campaign.title}'",
-            f"model '{model.name}' takes {', '.join(model.procedures)} tests; the campaign has {kinds}",
-            "Choose another model or campaign",
-        )
-    return chosen
-
-
-def _dynamic_problem(
-    model: Model, campaign: Campaign, space: ParameterSpace, calibrations: list[Calibration], settings: Settings
-) -> Problem:
-    """What the search sees: calibrated parameters held at their estimates (free with ``joint``)."""
-    known = {} if settings.joint else dict(calibrated_values(calibrations))
-    free = [name for name in space.names if name not in known]
-    return build_problem(
-        model, campaign, space=space.subset(free), fixed={**known, **settings.fixed}, jobs=settings.jobs
-    )
-
-
-def _main_problem(
-    model: Model, campaign: Campaign, space: ParameterSpace, calibrations: list[Calibration], settings: Settings
-) -> Problem | JointProblem:
-    """What is refined and sampled: every parameter free, calibrations as priors (or, ``joint``, as data)."""
-    prior = None
-    if calibrations and not settings.joint:
-        names = tuple(name for calibration in calibrations for name in calibration.problem.space.names)
-        prior = join_priors([calibration.prior(space) for calibration in calibrations], names)
-    main = build_problem(model, campaign, space=space, fixed=settings.fixed, prior=prior, jobs=settings.jobs)
-    if settings.joint and calibrations:
-        return JointProblem(main, tuple(calibration.problem for calibration in calibrations))
-    return main
-
-
-def _weights(problem: Problem, settings: Settings) -> Array:
-    raise_errors(
-        Fault("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
-        for name in settings.weights
-        if name not in problem.tests
-    )
-    return np.array([settings.weights.get(name, 1.0) for name in problem.tests])
 
 
 def _search(problem: Problem, settings: Settings, progress: Progress) -> SearchResult:
@@ -254,7 +140,7 @@ def _search(problem: Problem, settings: Settings, progress: Progress) -> SearchR
         len(problem.space),
         np.random.default_rng(settings.seed),
         SEARCHES[settings.search],
-        _weights(problem, settings),
+        search_weights(problem, settings),
         partial(_relay, progress, "search"),
     )
 
@@ -354,6 +240,6 @@ def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Se
         bounds={name: value for name, value in settings.bounds.items() if name in names},
         fixed={name: value for name, value in settings.fixed.items() if name in names},
     )
-    space = _space(reference, own)
+    space = free_space(reference, own)
     calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs)
-    return _fit(_dynamic_problem(reference, selected, space, calibrations, own), own)
+    return _fit(dynamic_problem(reference, selected, space, calibrations, own), own)

@@ -14,7 +14,6 @@ from mofit.identify import Settings, identify
 from mofit.library import find_effect, find_model
 from mofit.model import Model, with_effects
 from mofit.progress import Progress, silent
-from mofit.report import build_report
 from mofit.result import open_result
 from mofit.summary import summary
 
@@ -69,8 +68,6 @@ def identify_file(
     folder, _ = identify(
         campaign, extended, Settings(**options), tests=tests, out=out, resume=resume, progress=progress
     )
-    progress("report", 0, 1, "")
-    build_report(folder)
     return folder, summary(open_result(folder), folder)
 
 

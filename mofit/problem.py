@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit.campaign import Campaign, Measurement
-from mofit.errors import Fault, InputError, raise_errors
+from mofit.drives import first_input, require, to_drive
 from mofit.kernel import Drive, Simulator
 from mofit.model import Model, System, build_system
 from mofit.objectives import (
@@ -23,7 +23,7 @@ from mofit.objectives import (
     nrmsd,
 )
 from mofit.parameters import ParameterSpace
-from mofit.signals import Record, analyse, smooth_derivative
+from mofit.signals import Record, analyse
 
 Array = NDArray[np.float64]
 
@@ -189,14 +189,14 @@ def build_problem(
         With every channel and condition that a test lacks.
     """
     system = build_system(model)
-    _require(model, campaign)
+    require(model, campaign)
     everything = ParameterSpace(model.parameters)
     space = everything if space is None else space
     values = {p.name: p.nominal for p in model.parameters if p.name not in space.names} | dict(fixed or {})
-    records = tuple(analyse(measurement, _first_input(model), model.outputs[0].name)
+    records = tuple(analyse(measurement, first_input(model), model.outputs[0].name)
                     for measurement in campaign.measurements)  # fmt: skip
     drives = tuple(
-        _drive(model, measurement, record, settled)
+        to_drive(model, measurement, record, settled)
         for measurement, record in zip(campaign.measurements, records, strict=True)
     )
     count = np.array([np.count_nonzero(drive.weights) for drive in drives], dtype=float)
@@ -216,85 +216,10 @@ def build_problem(
     )
 
 
-def _first_input(model: Model) -> str:
-    return model.inputs[0].derivative_of or model.inputs[0].name
-
-
 def _simulator(
     system: System, drives: tuple[Drive, ...], space: ParameterSpace, fixed: Mapping[str, float], jobs: int
 ) -> Simulator:
     """The compiled model; its accuracy is assured over the box, in which a fixed parameter has no width."""
     lower = np.array([space[name].lower if name in space.names else fixed[name] for name in system.parameters])
     upper = np.array([space[name].upper if name in space.names else fixed[name] for name in system.parameters])
-    import inspect  # TEMP
-
-    if "box" not in inspect.signature(Simulator.__init__).parameters:  # TEMP
-        return Simulator(system, drives, space.names, jobs=jobs, steps=4)  # TEMP
     return Simulator(system, drives, space.names, jobs=jobs, box=(lower, upper))
-
-
-def _require(model: Model, campaign: Campaign) -> None:
-    if not campaign.measurements:
-        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
-    faults = []
-    for measurement in campaign.measurements:
-        have = {**measurement.procedure.inputs, **measurement.outputs}
-        for channel in (*model.inputs, *model.outputs):
-            source = channel.derivative_of or channel.name
-            if source not in have:
-                faults.append(
-                    Fault(
-                        f"test '{measurement.name}'",
-                        f"model '{model.name}' needs channel '{source}'; the test has {', '.join(sorted(have))}",
-                        "Choose another model, or name the channel so in the file or the import map",
-                    )
-                )
-        for condition in model.conditions:
-            if condition.default is None and condition.name not in measurement.procedure.conditions:
-                faults.append(
-                    Fault(
-                        f"test '{measurement.name}'",
-                        f"model '{model.name}' needs condition '{condition.name}' in {condition.unit}",
-                        "Add it to the campaign's root or to the test's group",
-                    )
-                )
-    raise_errors(faults)
-
-
-def _drive(model: Model, measurement: Measurement, record: Record, settled: bool) -> Drive:
-    procedure = measurement.procedure
-    columns: dict[str, Array] = {**procedure.inputs, **measurement.outputs}
-    derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
-    for name in derived:
-        # the smoothed signal goes with its derivative, so that both describe one motion
-        smooth, slope = smooth_derivative(procedure.time, measurement.channel(name), record.noise_sd.get(name))
-        columns[name] = smooth
-        columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
-    inputs = np.stack([columns[channel.name] for channel in model.inputs], axis=1)
-    measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
-    start = procedure.time[0]
-    if settled:
-        # a step that states no transient is judged in its second half
-        start += record.transient or 0.5 * float(np.ptp(procedure.time))
-    elif record.period is not None:
-        # a model started from its own initial state needs a period to settle, too
-        start += max(record.transient, record.period if record.periods > 1 else 0.0)
-    used = procedure.time >= start - 0.5 * procedure.step
-    spread = np.ptp(measured, axis=0)
-    if not np.all(spread > 0):
-        raise InputError.of(
-            f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
-        )
-    conditions = [
-        procedure.conditions.get(condition.name, condition.default)
-        for condition in model.conditions
-    ]  # fmt: skip
-    return Drive(
-        name=measurement.name,
-        step=procedure.step,
-        inputs=inputs,
-        hold=procedure.hold,
-        conditions=np.array(conditions, dtype=float),
-        measured=np.where(used[:, None], measured, 0.0),
-        weights=np.where(used[:, None], 1.0 / spread**2, 0.0),
-    )

@@ -18,14 +18,14 @@ PACKAGE = ROOT / "mofit"
 
 #: floor of every part (module or package directly below mofit/), lowest first
 FLOORS = {
-    **dict.fromkeys(("bundled", "errors", "labels", "parameters", "progress", "units"), 1),
+    **dict.fromkeys(("bundled", "errors", "labels", "parameters", "journal", "progress", "units"), 1),
     **dict.fromkeys(
         ("campaign", "campaign_file", "check", "readers", "report", "result", "run", "signals", "validity"), 2
     ),
     **dict.fromkeys(("kernel", "model"), 3),
-    **dict.fromkeys(("library", "objectives", "problem"), 4),
+    **dict.fromkeys(("drives", "joint", "library", "objectives", "problem"), 4),
     **dict.fromkeys(("refine", "sample", "search"), 5),
-    **dict.fromkeys(("assemble", "bench", "calibration", "joint", "outcome", "summary", "verdict"), 6),
+    **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
     **dict.fromkeys(("diagnosis", "identifiability", "identify", "simulate"), 6),
     **dict.fromkeys(("cli", "job", "options", "terminal"), 7),
     "__main__": 8,

@@ -54,7 +54,7 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
         "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
         "laplace_sd": (laplace_sd(problem, minimum), "as unit", "standard deviation (Laplace)"),
         "mean": (values.mean(axis=0), "as unit", "posterior mean"),
-        "sd": (values.std(axis=0, ddof=1), "as unit", "posterior standard deviation"),
+        "sd": (values.std(axis=0), "as unit", "posterior standard deviation"),
         "q05": (np.quantile(values, 0.05, axis=0), "as unit", "5 % quantile"),
         "q50": (np.quantile(values, 0.50, axis=0), "as unit", "median"),
         "q95": (np.quantile(values, 0.95, axis=0), "as unit", "95 % quantile"),

@@ -1,0 +1,91 @@
+"""A test as the kernel sees it: the model's channels, and which samples are judged."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.campaign import Campaign, Measurement
+from mofit.errors import Fault, InputError, raise_errors
+from mofit.kernel import Drive
+from mofit.model import Model
+from mofit.signals import Record, smooth_derivative
+
+Array = NDArray[np.float64]
+
+
+def first_input(model: Model) -> str:
+    """The channel that excites the model, from which a test's period is taken."""
+    return model.inputs[0].derivative_of or model.inputs[0].name
+
+
+def require(model: Model, campaign: Campaign) -> None:
+    """Refuse a campaign that lacks channels or conditions of the model, naming every one."""
+    if not campaign.measurements:
+        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
+    faults = []
+    for measurement in campaign.measurements:
+        have = {**measurement.procedure.inputs, **measurement.outputs}
+        for channel in (*model.inputs, *model.outputs):
+            source = channel.derivative_of or channel.name
+            if source not in have:
+                faults.append(
+                    Fault(
+                        f"test '{measurement.name}'",
+                        f"model '{model.name}' needs channel '{source}'; the test has {', '.join(sorted(have))}",
+                        "Choose another model, or name the channel so in the file or the import map",
+                    )
+                )
+        for condition in model.conditions:
+            if condition.default is None and condition.name not in measurement.procedure.conditions:
+                faults.append(
+                    Fault(
+                        f"test '{measurement.name}'",
+                        f"model '{model.name}' needs condition '{condition.name}' in {condition.unit}",
+                        "Add it to the campaign's root or to the test's group",
+                    )
+                )
+    raise_errors(faults)
+
+
+def to_drive(model: Model, measurement: Measurement, record: Record, settled: bool) -> Drive:
+    """A test as the kernel sees it: inputs with their smooth derivatives, and the weight of every sample.
+
+    Weights are 1 / range² of the output where a sample is judged, so that costs are squares of NRMSD; 0 elsewhere.
+    """
+    procedure = measurement.procedure
+    columns: dict[str, Array] = {**procedure.inputs, **measurement.outputs}
+    derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
+    for name in derived:
+        # the smoothed signal goes with its derivative, so that both describe one motion
+        smooth, slope = smooth_derivative(procedure.time, measurement.channel(name), record.noise_sd.get(name))
+        columns[name] = smooth
+        columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
+    inputs = np.stack([columns[channel.name] for channel in model.inputs], axis=1)
+    measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
+    start = procedure.time[0]
+    if settled:
+        # a step that states no transient is judged in its second half
+        start += record.transient or 0.5 * float(np.ptp(procedure.time))
+    elif record.period is not None:
+        # a model started from its own initial state needs a period to settle, too
+        start += max(record.transient, record.period if record.periods > 1 else 0.0)
+    used = procedure.time >= start - 0.5 * procedure.step
+    spread = np.ptp(measured, axis=0)
+    if not np.all(spread > 0):
+        raise InputError.of(
+            f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
+        )
+    conditions = [
+        procedure.conditions.get(condition.name, condition.default)
+        for condition in model.conditions
+    ]  # fmt: skip
+    return Drive(
+        name=measurement.name,
+        step=procedure.step,
+        inputs=inputs,
+        hold=procedure.hold,
+        conditions=np.array(conditions, dtype=float),
+        measured=np.where(used[:, None], measured, 0.0),
+        weights=np.where(used[:, None], 1.0 / spread**2, 0.0),
+    )

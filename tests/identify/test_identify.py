@@ -1,0 +1,181 @@
+"""The main job end to end, on a rig whose truth is known."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import xarray as xr
+from arviz_stats import summary as az_summary
+from lag_rig import TRUTH, campaign, write_rig
+
+from mofit.errors import InputError
+from mofit.identify import Settings, identify
+from mofit.job import identify_file
+from mofit.model import Model, load_class
+from mofit.result import open_result
+
+VOLATILE = ("created", "seconds")
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    return write_rig(tmp_path_factory.mktemp("rig"))
+
+
+@pytest.fixture(scope="module")
+def run(rig):
+    file, model = rig
+    return identify_file(file, model, (), (), {"seed": 1, "jobs": 1}, out=file.parent / "run")
+
+
+@pytest.fixture(scope="module")
+def tree(run):
+    return open_result(run[0])
+
+
+def same_values(a: xr.DataTree, b: xr.DataTree) -> None:
+    for node in (a, b):
+        for name in VOLATILE:
+            node.attrs.pop(name, None)
+    xr.testing.assert_identical(a, b)
+
+
+def test_truth_lies_within_three_standard_deviations(run):
+    _, summary = run
+    assert summary["converged"]
+    assert len(summary["modes"]) == 1
+    for name, value in TRUTH.items():
+        found = summary["modes"][0]["parameters"][name]
+        assert abs(found["mean"] - value) < 3 * found["sd"]
+        assert found["q05"] < found["q50"] < found["q95"]
+        assert found["verdict"] == "identified"
+
+
+def test_residual_is_the_noise(run):
+    _, summary = run
+    for test, value in summary["modes"][0]["nrmsd"].items():
+        assert value == pytest.approx(summary["noise_floor"][test], rel=0.15)
+
+
+def test_run_folder_holds_what_it_should(run):
+    folder, summary = run
+    assert {"result.nc", "report.html", "report_data", "chains.h5", "run.log"} <= {
+        path.name for path in folder.iterdir()
+    }
+    assert not [path for path in folder.parent.iterdir() if path.name.endswith(".partial")]
+    json.dumps(summary, allow_nan=False)
+
+
+def test_arviz_reads_every_cluster_and_agrees(tree):
+    for cluster in tree["clusters"].children.values():
+        table = az_summary(cluster, round_to="none")
+        for name in TRUTH:
+            own = cluster.to_dataset(inherit=False).sel(parameter=name)
+            assert table.loc[name, "mean"] == pytest.approx(own["mean"].item(), rel=1e-9)
+            assert table.loc[name, "sd"] == pytest.approx(own["sd"].item(), rel=1e-6)
+            assert table.loc[name, "r_hat"] == pytest.approx(own["r_hat"].item(), rel=1e-6)
+            assert table.loc[name, "ess_bulk"] == pytest.approx(own["ess"].item(), rel=1e-6)
+
+
+def test_posterior_is_as_wide_as_theory_says(tree):
+    """White noise of known size: the standard deviation is that of the exact Fisher information."""
+    rig_campaign, step = campaign(noise=0.0), 1e-6
+    names = list(TRUTH)
+
+    def outputs(values):
+        old = dict(TRUTH)
+        TRUTH.update(zip(names, values, strict=True))
+        try:
+            return np.concatenate([m.channel("lateral_force") for m in campaign(noise=0.0).measurements])
+        finally:
+            TRUTH.update(old)
+
+    centre = np.array(list(TRUTH.values()))
+    slopes = np.stack([(outputs(centre + d) - outputs(centre - d)) / (2 * step) for d in np.eye(2) * step], axis=1)
+    judged = np.concatenate([m.time >= 1 / m.procedure.frequency for m in rig_campaign.measurements])
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes[judged].T @ slopes[judged] / 0.01**2)))
+    sd = tree["clusters/c1"]["sd"].values
+    assert sd == pytest.approx(expected, rel=0.08)
+
+
+def test_same_numbers_for_any_number_of_threads(rig, tree):
+    file, model = rig
+    folder, _ = identify_file(file, model, (), (), {"seed": 1, "jobs": 2}, out=file.parent / "run-2")
+    same_values(open_result(folder), tree.copy(deep=True))
+
+
+def test_other_seed_other_draws(rig, tree):
+    file, model = rig
+    folder, _ = identify_file(file, model, (), (), {"seed": 2, "jobs": 1}, out=file.parent / "run-seed")
+    other = open_result(folder)["clusters/c1/posterior/k"]
+    assert not np.array_equal(other.values.ravel()[:100], tree["clusters/c1/posterior/k"].values.ravel()[:100])
+    assert other.mean().item() == pytest.approx(tree["clusters/c1/posterior/k"].mean().item(), abs=1e-3)
+
+
+def test_killed_and_resumed_gives_the_same_numbers(rig, tree):
+    file, model = rig
+    out = file.parent / "killed"
+    chains = out.with_name("killed.partial") / "chains.h5"
+    command = [sys.executable, "-m", "mofit", "identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + 60
+    while not chains.exists() and not out.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    assert chains.exists(), "the run ended before it could be killed"
+    done = subprocess.run([*command, "--resume", "--json"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["run"] == str(out)
+    same_values(open_result(out), tree.copy(deep=True))
+    assert not chains.exists()
+
+
+def test_one_frequency_alone(rig):
+    file, model = rig
+    _, summary = identify_file(file, model, (), (1.0,), {"jobs": 1}, out=file.parent / "one")
+    assert list(summary["noise_floor"]) == ["sine_1Hz"]
+
+
+def test_joint_weights_bounds_and_fixed(rig):
+    file, model = rig
+    options = {
+        "jobs": 1,
+        "joint": True,
+        "weights": {"sine_1Hz": 3.0},
+        "bounds": {"T": (0.1, 0.3)},
+        "fixed": {"k": 2.0},
+        "search": "paper",
+    }
+    folder, summary = identify_file(file, model, (), (), options, out=file.parent / "options")
+    assert list(summary["modes"][0]["parameters"]) == ["T"]
+    found = open_result(folder)
+    assert found["parameters"]["lower"].values == pytest.approx([0.1])
+    assert found["weight"].sel(test="sine_1Hz") == 3.0
+
+
+def test_a_model_that_always_fails_is_refused(rig):
+    file, _ = rig
+    (file.parent / "nan.py").write_text(
+        (file.parent / "lag.py")
+        .read_text()
+        .replace("s.k * s.slip_angle", "ca.sqrt(-1 - s.k)")
+        .replace("from mofit.model", "import casadi as ca\nfrom mofit.model", 1)
+    )
+    with pytest.raises(InputError, match="fail"):
+        identify_file(file, f"{file.parent / 'nan.py'}:Lag", (), (), {}, out=file.parent / "nan")
+    assert not list(file.parent.glob("nan*partial"))
+    assert not (file.parent / "nan").exists()
+
+
+def test_unknown_names_are_refused_together(rig):
+    _, model = rig
+    lag = load_class(model, Model)()
+    with pytest.raises(InputError) as caught:
+        identify(campaign(), lag, Settings(bounds={"kk": (0, 1)}, fixed={"Tau": 1.0}))
+    assert len(caught.value.faults) == 2
