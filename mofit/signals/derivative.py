@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from mofit.signals.noise import quantum
+from mofit.signals.noise import quantum, residual_noise
 from mofit.signals.smoothing import smooth
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ def smooth_derivative(time: Array, values: Array, noise_sd: float | None = None)
     values
         Signal, shape (n,).
     noise_sd
-        Standard deviation of its noise; by default the stiffness comes from cross-validation. A
+        Standard deviation of its noise; by default as `mofit.signals.residual_noise` finds it. A
         quantised signal has at least the noise of its resolution, :math:`q / \sqrt{12}`.
 
     Returns
@@ -40,12 +40,7 @@ def smooth_derivative(time: Array, values: Array, noise_sd: float | None = None)
     largest within a few cut-off periods of both ends. Noise is taken as white; slower noise passes.
     """
     step = float((time[-1] - time[0]) / (len(time) - 1))
-    floor = quantum(values) / np.sqrt(12)
-    if noise_sd is None:
-        found = smooth(values)
-        if found.noise_sd < floor:
-            found = smooth(values, floor)
-    else:
-        found = smooth(values, max(noise_sd, floor))
+    level = residual_noise(values)[0] if noise_sd is None else max(noise_sd, quantum(values) / np.sqrt(12))
+    smoothed = smooth(values, level).values
     grid = np.arange(len(values), dtype=float)
-    return found.values, make_interp_spline(grid, found.values, k=5).derivative()(grid) / step
+    return smoothed, make_interp_spline(grid, smoothed, k=5).derivative()(grid) / step

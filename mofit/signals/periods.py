@@ -103,7 +103,8 @@ def sine_period(time: Array, values: Array) -> float | None:
             ).x
         )
         width *= narrowing
-    if _misfit(guess, t, x, window, 3) > (1 - SINE_EXPLAINS) * np.sum(x**2):
+    trendless = _misfit(0.0, t, x, window, 0)
+    if trendless < 1e-20 * np.sum(x**2) or _misfit(guess, t, x, window, 3) > (1 - SINE_EXPLAINS) * trendless:
         return None
     return 1.0 / guess
 

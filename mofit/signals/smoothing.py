@@ -52,18 +52,22 @@ def smooth(values: Array, noise_sd: float | None = None) -> Smoothed:
     t = np.linspace(-1, 1, n)
     trend = np.polyval(np.polyfit(t, values, ORDER - 1), t)
     x = values - trend
-    eigenvalues = (2 * np.sin(np.pi * np.arange(n) / (2 * n))) ** (2 * ORDER)
+    # free ends shift the modes of the penalty by half its order less one; the first ORDER have none
+    modes = np.arange(ORDER, n) - (ORDER - 1) / 2
+    eigenvalues = (2 * np.sin(np.pi * modes / (2 * n))) ** (2 * ORDER)
 
     def at(log_stiffness: float) -> Smoothed:
         stiffness = 10.0**log_stiffness
         z = solveh_banded(_system(n, stiffness), x, lower=False)
-        freedom = ORDER + float(np.sum(1 / (1 + stiffness * eigenvalues[ORDER:])))
+        freedom = ORDER + float(np.sum(1 / (1 + stiffness * eigenvalues)))
         return Smoothed(z, float(np.sum((x - z) ** 2)), freedom)
 
     def score(log_stiffness: float) -> float:
         trial = at(log_stiffness)
         if noise_sd is None:
-            return float(np.log(trial.rss + 1e-300) - 2 * np.log(max(n - _CAUTION * trial.freedom, 1e-6 * n)))
+            return float(
+                np.log(trial.rss + np.finfo(float).tiny) - 2 * np.log(max(n - _CAUTION * trial.freedom, 1e-6 * n))
+            )
         return trial.rss + 2 * noise_sd**2 * trial.freedom
 
     grid = np.arange(_STIFFNESS[0], _STIFFNESS[1] + 0.1, 1.0)

@@ -13,17 +13,19 @@ Array = NDArray[np.float64]
 UNSETTLED = 3.0
 #: windows per period
 WINDOWS = 8
-#: deviations below this share of the range never count
-NEGLIGIBLE = 1e-3
+#: samples in a window; fewer scatter so much that chance looks like a transient
+_SHORTEST = 8
+#: deviations below this share of the range never count: rigs wander by about as much from cycle to cycle
+NEGLIGIBLE = 0.005
 
 
 def find_settled(time: Array, values: Array, period: float) -> tuple[float, float]:
     """Time at the start before a signal repeats, and time at the end after it stopped to, in s.
 
-    The usual period is the median over all periods, sample by sample (two periods: the second).
-    Windows of an eighth of a period deviate from it by so much root mean square; the median is the usual deviation.
-    The transient ends with the last window of the first half that deviates by more than three times
-    the usual, the tail begins with the first such window of the second half.
+    The usual period is the median over all periods, sample by sample (two periods: the second), the
+    usual deviation from it the median root mean square over windows of an eighth of a period. A
+    window is unsettled above three times that and above half a percent of the range. The transient
+    ends with the last such window of the first half, the tail begins with the first of the second.
 
     With fewer than two periods nothing can be compared: (0, 0).
     """
@@ -39,11 +41,11 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     usual = stacked[-1] if whole == 2 else np.median(stacked, axis=0)
     wave = CubicSpline(np.append(phase, period), np.append(usual, usual[0]), bc_type="periodic")
     deviation = values - wave(t % period)
-    window = max(4, round(samples / WINDOWS))
+    window = max(_SHORTEST, round(samples / WINDOWS))
     edges = np.arange(0, max(len(t) - window, 0) + 1, window)
     rms = np.sqrt(np.add.reduceat(deviation**2, edges) / np.diff([*edges, len(t)]))
     level = np.median(rms[: len(rms) // 2] if whole == 2 else rms)
-    late = np.flatnonzero(rms > UNSETTLED * max(level, NEGLIGIBLE * float(np.ptp(values)) / UNSETTLED))
+    late = np.flatnonzero(rms > max(UNSETTLED * level, NEGLIGIBLE * float(np.ptp(values))))
     middle = len(edges) / 2
     first, last = late[late < middle], late[late >= middle]
     transient = float(t[min(edges[first[-1]] + window, len(t) - 1)]) if first.size else 0.0
