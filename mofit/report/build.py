@@ -11,6 +11,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import xarray as xr
 
 from mofit.report.calibration import calibration_section
 from mofit.report.convergence import convergence_section
@@ -65,8 +66,12 @@ def build_report(folder: Path | str) -> Path:
     InputError
         If the folder has no readable ``result.nc``; nothing is written then.
     """
-    folder = Path(folder)
-    run = Run(open_result(folder))
+    return write_report(open_result(folder), folder)
+
+
+def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
+    """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder."""
+    folder, run = Path(folder), Run(tree)
     with mpl.rc_context(RC):
         sections = [section for make in _SECTIONS if (section := make(run)) is not None]
     _write_data(sections, folder / DATA_FOLDER)
@@ -84,7 +89,7 @@ def _write_data(sections: Sequence[Section], folder: Path) -> None:
     for section in sections:
         if section.data:
             with atomic_path(folder / f"{section.id}.json") as temporary:
-                temporary.write_text(json.dumps(plain(section.data), allow_nan=False, indent=1), encoding="utf-8")
+                temporary.write_text(json.dumps(plain(section.data), allow_nan=False), encoding="utf-8")
     for old in folder.glob("*.json"):
         if old.name not in names:
             old.unlink()
@@ -98,6 +103,8 @@ def plain(value: Any) -> Any:
         return {str(name): plain(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isfinite(value).all():
+        return value.tolist()
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):

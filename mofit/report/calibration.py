@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 
 from mofit.report.display import display_unit, number, percent, symbol, with_sd
 from mofit.report.page import Block, Figure, Section, Table, Text
-from mofit.report.run import Array, Run
+from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
 
@@ -33,25 +35,23 @@ class Stage:
 
 def extract_stages(run: Run) -> list[Stage]:
     """All stages in the order of the tree."""
-    if "calibration" not in run.tree.children:
-        return []
-    stages = []
-    for name, node in run.tree["calibration"].children.items():
-        arrays = {key: np.asarray(node[key].values, dtype=float) for key in ("value", "sd", "x", "measured", "fitted")}
-        labels = {key: (str(node[key].attrs["long_name"]), str(node[key].attrs["units"])) for key in ("x", "measured")}
-        stages.append(
-            Stage(
-                name=name,
-                model=str(node.attrs["model"]),
-                tests=str(node.attrs["tests"]),
-                parameters=[str(label) for label in node[f"parameter_{name}"].values],
-                **arrays,
-                x_label=labels["x"],
-                y_label=labels["measured"],
-                nrmsd=float(node["nrmsd"]),
-            )
-        )
-    return stages
+    node = run.group("calibration")
+    return [] if node is None else [_stage(name, child) for name, child in node.children.items()]
+
+
+def _stage(name: str, node: xr.DataTree) -> Stage:
+    arrays = {key: numbers(node, key) for key in ("value", "sd", "x", "measured", "fitted")}
+    attrs = {key: node.dataset[key].attrs for key in ("x", "measured")}
+    return Stage(
+        name=name,
+        model=str(node.attrs["model"]),
+        tests=str(node.attrs["tests"]),
+        parameters=labels(node, f"parameter_{name}"),
+        **arrays,
+        x_label=(str(attrs["x"]["long_name"]), str(attrs["x"]["units"])),
+        y_label=(str(attrs["measured"]["long_name"]), str(attrs["measured"]["units"])),
+        nrmsd=float(numbers(node, "nrmsd")),
+    )
 
 
 def draw_stage(stage: Stage, axes: Axes, residual: Axes) -> Axes:
@@ -61,7 +61,12 @@ def draw_stage(stage: Stage, axes: Axes, residual: Axes) -> Axes:
     x = x_unit.factor * stage.x[order]
     measured, fitted = y_unit.factor * stage.measured[order], y_unit.factor * stage.fitted[order]
     few = stage.x.size <= 40
-    dots = {"ls": "none", "marker": "o" if few else ".", "ms": 6 if few else 2.5, "rasterized": stage.x.size > 800}
+    dots: dict[str, Any] = {
+        "ls": "none",
+        "marker": "o" if few else ".",
+        "ms": 6 if few else 2.5,
+        "rasterized": stage.x.size > 800,
+    }
     axes.plot(x, measured, color=MEASURED, mfc="white" if few else MEASURED, **dots)
     axes.plot(x, fitted, color=cluster_colour(0), lw=1.8)
     left_over = measured - fitted
@@ -74,6 +79,7 @@ def draw_stage(stage: Stage, axes: Axes, residual: Axes) -> Axes:
     residual.set_xlabel(x_unit.label(stage.x_label[0].replace("_", " ")))
     axes.set_title(f"{stage.name.replace('_', ' ')}: {stage.model}")
     few_ticks(axes, 6, 5)
+    residual.margins(y=0.2)
     few_ticks(residual, None, 3)
     return axes
 
@@ -87,10 +93,14 @@ def calibration_section(run: Run) -> Section | None:
     for stage, panel, residual in zip(stages, axes, below, strict=True):
         draw_stage(stage, panel, residual)
     legend_above(
-        canvas, [line_key(MEASURED, "measured", ls="none", marker="o", mfc="white"), line_key(cluster_colour(0), "fitted")]
+        canvas,
+        [line_key(MEASURED, "measured", ls="none", marker="o", mfc="white"), line_key(cluster_colour(0), "fitted")],
     )
     blocks: list[Block] = [
-        Text("Found before the search from tests made for them; their uncertainty is carried into the main identification."),
+        Text(
+            "Found before the search from tests made for them; their uncertainty is carried into the main "
+            "identification."
+        ),
         Figure(
             image_of(canvas),
             "Calibration stages: measured points and fitted curves",

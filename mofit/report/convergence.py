@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from mofit.report.display import badge, count, math_symbol, number, symbol
+from mofit.report.display import THIN, badge, count, math_symbol, number, symbol
 from mofit.report.page import Block, Figure, Section, Table, Text, tabs
-from mofit.report.run import Array, Cluster, Run, tab_title
+from mofit.report.run import Array, Cluster, Run, numbers, tab_title
 from mofit.report.style import cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
 R_HAT_LIMIT = 1.01
@@ -35,7 +35,7 @@ def extract_traces(cluster: Cluster) -> Traces | None:
     """Quantiles over the walkers of each ensemble in up to 120 bins of steps; None where nothing was sampled."""
     if cluster.draws is None:
         return None
-    steps = cluster.node["sample_stats/step"].values
+    steps = numbers(cluster.node.children["sample_stats"], "step")
     edges = np.linspace(steps.min(), steps.max() + 1, min(_TRACE_POINTS, int(np.ptp(steps)) + 1) + 1)
     order = np.argsort(steps, axis=1, kind="stable")
     chains, bins, d = len(steps), edges.size - 1, cluster.draws.shape[-1]
@@ -71,15 +71,17 @@ def convergence_section(run: Run) -> Section | None:
         if traces is None:
             continue
         table = {name: cluster.array(name) for name in ("tau", "ess", "r_hat")}
-        acceptance = np.atleast_1d(cluster.node["sample_stats"].attrs.get("acceptance", np.nan)).astype(float)
+        acceptance = np.atleast_1d(cluster.node.children["sample_stats"].attrs.get("acceptance", np.nan)).astype(float)
         data[cluster.name] = {"parameters": cluster.parameters, **table, "acceptance": acceptance, "traces": traces}
         panes[tab_title(cluster)] = [_table(cluster, table, traces, acceptance), _figure(traces, cluster)]
     if not panes:
         return None
     blocks: list[Block] = [
         Text(
-            f"A chain is an independent ensemble of walkers, started anew. Wanted: R-hat below {R_HAT_LIMIT}, at least "
-            f"{ESS_LIMIT:.0f} effective samples, chains longer than {LENGTH_LIMIT:.0f} autocorrelation times τ, and an acceptance "
+            f"A chain is an independent ensemble of walkers, started anew. Wanted: R-hat below {R_HAT_LIMIT}, at "
+            f"least "
+            f"{ESS_LIMIT:.0f} effective samples, chains longer than {LENGTH_LIMIT:.0f} autocorrelation times τ, "
+            f"and an acceptance "
             "between about 20 and 60 %."
         ),
         *tabs(panes),
@@ -89,7 +91,7 @@ def convergence_section(run: Run) -> Section | None:
 
 def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance: Array) -> Table:
     assert cluster.draws is not None
-    steps = cluster.node["sample_stats/step"].values
+    steps = numbers(cluster.node.children["sample_stats"], "step")
     length = float(steps.max() - steps.min() + 1)
     rows = []
     for k, name in enumerate(traces.parameters):
@@ -106,9 +108,11 @@ def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance
                 badge("good", "good") if good else badge("look closer", "bad"),
             ]
         )
-    rates = ", ".join(f"{100 * rate:.0f} %" for rate in acceptance)
+    rates = ", ".join(f"{100 * rate:.0f}{THIN}%" for rate in acceptance)
     chains, draws, _ = cluster.draws.shape
-    caption = f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance per ensemble {rates}."
+    caption = (
+        f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance per ensemble {rates}."
+    )
     return Table(["Parameter", "τ (steps)", "Length / τ", "Effective samples", "R-hat", "Verdict"], rows, caption)
 
 

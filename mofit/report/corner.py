@@ -140,7 +140,9 @@ def _labels(axes: Axes, corner: Corner, k: int, ticks: tuple[float, float], d: i
     for place, value in zip(ticks, corner.quantiles[[0, 2], k], strict=True):
         text = number(float(value))
         axes.plot([k + _scale(place)] * 2, [-0.03, 0.03], color="#57606a", lw=0.8, clip_on=False)
-        axes.text(k + _scale(place), -0.06, text, rotation=40, ha="right", va="top", rotation_mode="anchor", fontsize=small)
+        axes.text(
+            k + _scale(place), -0.06, text, rotation=40, ha="right", va="top", rotation_mode="anchor", fontsize=small
+        )
         if k:
             axes.plot([-0.03, 0.03], [row + _scale(place)] * 2, color="#57606a", lw=0.8, clip_on=False)
             axes.text(-0.06, row + _scale(place), text, ha="right", va="center", fontsize=small)
@@ -151,7 +153,7 @@ def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
     """The corner plot with its caption; a cell is as large as the number of parameters allows."""
     d = len(corner.parameters)
     left, bottom, top, right = 0.75, 0.7, 0.35, 0.1
-    cell = min((WIDTH - left - right) / d, 1.9)
+    cell = min((WIDTH - left - right) / d, 2.3)
     canvas = Canvas(figsize=(WIDTH, bottom + top + d * cell))
     height = canvas.get_figheight()
     axes = canvas.add_axes((left / WIDTH, bottom / height, d * cell / WIDTH, d * cell / height))
@@ -159,8 +161,10 @@ def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
     return Figure(
         image_of(canvas),
         f"Corner plot of the posterior of solution {cluster.name}",
-        "Joint posterior of each pair of parameters: the shades hold 39, 68 and 95 % of the draws, the cross is the refined "
-        "minimum, ticks are the 5 and 95 % quantiles, numbers are correlations. Each axis is cut to the central 99 % of the draws.",
+        "Joint posterior of each pair of parameters: the shades hold 39, 68 and 95 % of the draws, the cross is "
+        "the refined "
+        "minimum, ticks are the 5 and 95 % quantiles, numbers are correlations. Each axis is cut to the central 99 "
+        "% of the draws.",
         good="round, compact shapes with the cross in the darkest part.",
         bad="long thin ridges (parameters that can't be told apart), bananas, or shapes cut off by a bound.",
     )

@@ -48,11 +48,19 @@ def number(value: float, digits: int = 3) -> str:
         return "–" if math.isnan(value) else ("∞" if value > 0 else "−∞")
     if value == 0:
         return "0"
-    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    value = float(f"{value:.{digits - 1}e}")
+    exponent = math.floor(math.log10(abs(value)))
     if not -4 <= exponent < 7:
         mantissa = f"{value / 10.0**exponent:.{digits - 1}f}"
         return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}".replace("-", "−")
     return _grouped(value, max(0, digits - 1 - exponent))
+
+
+def compact(value: float, digits: int = 6) -> str:
+    """A number with at most so many significant digits and no zeros at its end."""
+    text = number(value, digits)
+    mantissa, times, power = text.partition("×")
+    return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + times + power
 
 
 def with_sd(value: float, sd: float) -> str:

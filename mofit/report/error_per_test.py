@@ -9,10 +9,13 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
-from mofit.report.display import display_unit, key, number, percent
+from mofit.report.display import compact, display_unit, key, number, percent
 from mofit.report.page import Block, Figure, Section, Table
-from mofit.report.run import Array, Run
-from mofit.report.style import BASELINE, FLOOR, cluster_colour, image_of, legend_above, line_key, panels
+from mofit.report.run import Array, Run, numbers
+from mofit.report.style import BASELINE, FLOOR, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
+
+_LOG_FROM = 12.0
+"""Ratio of the largest to the smallest error from which the axis is logarithmic."""
 
 
 @dataclass(frozen=True)
@@ -29,17 +32,13 @@ class Errors:
 
 def extract_errors(run: Run) -> Errors:
     """NRMSD of every cluster, the baseline and the noise, in the order of the tests."""
-    baseline, title = np.full(len(run.tests), np.nan), ""
-    if "baseline" in run.tree.children:
-        node = run.tree["baseline"]
-        baseline, title = np.asarray(node["nrmsd"].values, dtype=float), str(node.attrs["model_title"])
     return Errors(
         tests=run.tests,
         frequency=run.of_tests("frequency"),
         noise_floor=run.of_tests("noise_floor"),
-        models={c.name: np.asarray(c.node["nrmsd"].values, dtype=float) for c in run.clusters},
-        baseline_title=title,
-        baseline=baseline,
+        models={c.name: numbers(c.node, "nrmsd") for c in run.clusters},
+        baseline_title=run.baseline_title,
+        baseline=run.baseline_nrmsd,
     )
 
 
@@ -64,7 +63,7 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
         axes.grid(visible=False, axis="x")
     floor = 100 * errors.noise_floor[order]
     if over_frequency:
-        axes.fill_between(x, 0, floor, color=FLOOR, alpha=0.22, lw=0)
+        axes.fill_between(x, 1e-9, floor, color=FLOOR, alpha=0.22, lw=0)
         axes.plot(x, floor, color=FLOOR, lw=1.2)
     else:
         axes.bar(x, floor, width=0.8, color=FLOOR, alpha=0.3, lw=0)
@@ -75,7 +74,15 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
             x, 100 * nrmsd[order], color=cluster_colour(index), ls=line, marker="o", ms=5.5 if index == 0 else 4,
             lw=1.8 if index == 0 else 1.0,
         )  # fmt: skip
-    axes.set_ylim(bottom=0)
+    values = np.concatenate([floor, *(100 * e[order] for e in (*errors.models.values(), errors.baseline))])
+    values = values[np.isfinite(values) & (values > 0)]
+    if values.size and values.max() > _LOG_FROM * values.min():
+        axes.set_yscale("log")
+        axes.set_ylim(0.5 * values.min(), 1.5 * values.max())
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    else:
+        axes.set_ylim(bottom=0)
+        few_ticks(axes, None, 5)
     axes.set_ylabel("NRMSD (%)")
     return axes
 
@@ -83,7 +90,7 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
 def _spread(x: Array) -> list[float]:
     """Tick places on a log axis that stand apart enough to be read."""
     kept: list[float] = []
-    room = 0.055 * (np.log(x.max()) - np.log(x.min()))
+    room = 0.045 * (np.log(x.max()) - np.log(x.min()))
     for value in sorted(set(x.tolist())):
         if not kept or np.log(value) - np.log(kept[-1]) >= room:
             kept.append(value)
@@ -105,9 +112,6 @@ def _figure(errors: Errors) -> Figure:
     canvas, axes, _ = panels(len(groups), 2, 2.7, margin=(0.65, 0.75, 0.15, 0.45))
     for (chosen, over_frequency), panel in zip(groups, axes, strict=True):
         draw_errors(errors, chosen, over_frequency, panel)
-    top = max(panel.get_ylim()[1] for panel in axes)
-    for panel in axes:
-        panel.set_ylim(0, top)
     handles = [line_key(cluster_colour(k), f"model, {name}", marker="o") for k, name in enumerate(errors.models)]
     if errors.baseline_title:
         handles.append(line_key(BASELINE, errors.baseline_title, marker="s", ls="--"))
@@ -116,17 +120,18 @@ def _figure(errors: Errors) -> Figure:
     return Figure(
         image_of(canvas),
         "NRMSD of the model, the baseline and the noise per test",
-        "Root mean square of measured − simulated, divided by the measured peak-to-peak range, per test. The shaded area is the "
+        "Root mean square of measured − simulated, divided by the measured peak-to-peak range, per test. The "
+        "shaded area is the "
         "noise floor: what remains if the model is exactly right.",
         good="the model lies on the edge of the shaded area at every test, well below the baseline.",
-        bad="the curve climbs away from the noise floor at one end: an effect that matters there is missing in the model.",
+        bad="the curve climbs away from the noise floor at one end: an effect that matters there is missing in the "
+        "model.",
     )
 
 
 def _table(run: Run, errors: Errors) -> Table:
     amplitude, periods = run.of_tests("amplitude"), run.of_tests("periods")
-    unit = display_unit(str(run.tree["amplitude"].attrs["units"]), amplitude)
-    columns: list[Markup | str] = ["Test", "Kind", "Frequency (Hz)", unit.label("Amplitude"), "Periods", "Noise floor"]
+    columns: list[Markup | str] = ["Test", "Kind", "Frequency (Hz)", "Amplitude", "Periods", "Noise floor"]
     if errors.baseline_title:
         columns.append(errors.baseline_title)
     columns += [key(cluster_colour(k), name) for k, name in enumerate(errors.models)] + ["Model / floor"]
@@ -136,9 +141,9 @@ def _table(run: Run, errors: Errors) -> Table:
         row: list[Markup | str] = [
             test,
             run.kinds[k].replace("_", " "),
-            number(errors.frequency[k]),
-            number(unit.factor * amplitude[k]),
-            number(periods[k]) if periods[k] > 0 else "–",
+            compact(errors.frequency[k], 4),
+            _amplitude(run, test, float(amplitude[k])),
+            compact(periods[k], 4) if periods[k] > 0 else "–",
             percent(errors.noise_floor[k]),
         ]
         if errors.baseline_title:
@@ -148,3 +153,11 @@ def _table(run: Run, errors: Errors) -> Table:
         row.append(f"{number(best[k] / floor)}×" if floor > 0 and np.isfinite(best[k]) else "–")
         rows.append(row)
     return Table(columns, rows, "NRMSD per test. “Model / floor” compares the best solution with the noise.")
+
+
+def _amplitude(run: Run, test: str, value: float) -> str:
+    """Amplitude of the input in its display unit: tests of one campaign may drive different channels."""
+    driver = run.input_of(test)
+    units = driver.attrs["units"] if driver is not None else run.tree.dataset["amplitude"].attrs["units"]
+    unit = display_unit(str(units), value)
+    return f"{compact(unit.factor * value, 4)} {unit.name}" if np.isfinite(value) else "–"

@@ -52,7 +52,11 @@ def making_section(run: Run) -> Section:
     settings = [[name, _left(text)] for name, text in flattened(configuration)]
     blocks: list[Block] = [
         Table(["", ""], facts),
-        Table(["Stage", "Seconds", "Evaluations"], work, "Wall time and model evaluations (one evaluation: all tests once)."),
+        Table(
+            ["Stage", "Seconds", "Evaluations"],
+            work,
+            "Wall time and model evaluations (one evaluation: all tests once).",
+        ),
         Details("Settings", [Table(["Setting", "Value"], settings)]),
         Details("Library versions", [Table(["Library", "Version"], [[n, str(v)] for n, v in versions.items()])]),
     ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from mofit.report.display import badge, number, symbol, with_sd
+from mofit.report.display import THIN, badge, compact, number, percent, symbol, with_sd
 from mofit.report.page import Block, Section, Table, Text, tabs
 from mofit.report.run import Cluster, Run, tab_title
 
@@ -52,13 +52,13 @@ def extract_estimates(run: Run, cluster: Cluster) -> list[Estimate]:
 def parameter_section(run: Run) -> Section:
     """A table per cluster, and one of what was held fixed or calibrated before."""
     estimates = {cluster.name: extract_estimates(run, cluster) for cluster in run.clusters}
-    panes: dict[str, list[Block]] = {
-        tab_title(c): [_table(run, estimates[c.name], c)] for c in run.clusters
-    }
+    panes: dict[str, list[Block]] = {tab_title(c): [_table(run, estimates[c.name], c)] for c in run.clusters}
     blocks: list[Block] = [
         Text(
-            "Value is the refined minimum; mean, standard deviation (sd) and interval describe the posterior. “Learned” says how "
-            "much narrower the posterior is than the prior box: 100 % is a point, 0 % means that the data said nothing."
+            "Value is the refined minimum; mean, standard deviation (sd) and interval describe the posterior. "
+            "“Learned” says how "
+            "much narrower the posterior is than the prior box: 100 % is a point, 0 % means that the data said "
+            "nothing."
         ),
         *tabs(panes),
     ]
@@ -84,22 +84,33 @@ def _table(run: Run, estimates: list[Estimate], cluster: Cluster) -> Table:
                 number(e.sd, 2),
                 interval,
                 "" if e.unit == "1" else e.unit,
-                f"{number(float(lower[k]))} … {number(float(upper[k]))}",
+                f"{compact(float(lower[k]))} … {compact(float(upper[k]))}",
                 bound,
-                "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.0f} %",
+                "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.0f}{THIN}%",
                 badge(e.verdict or {"good": "identified", "bad": "not pinned"}.get(e.grade, e.grade), e.grade),
             ]
         )
-    columns = ["Parameter", "Value", "Mean", "sd", "5–95 % interval", "Unit", "Search box", "At bound", "Learned", "Verdict"]
-    evidence = number(float(cluster.node.attrs["log_evidence"]), 5)
-    caption = f"Solution {cluster.name}: posterior weight {number(100 * cluster.weight)} %, log evidence {evidence}"
+    columns = [
+        "Parameter",
+        "Value",
+        "Mean",
+        "sd",
+        "5–95 % interval",
+        "Unit",
+        "Search box",
+        "At bound",
+        "Learned",
+        "Verdict",
+    ]
+    evidence = f"{float(cluster.node.attrs['log_evidence']):.2f}".replace("-", "−")
+    caption = f"Solution {cluster.name}: posterior weight {percent(cluster.weight)}, log evidence {evidence}"
     return Table(columns, rows, caption + ("." if cluster.converged else "; its chains did not converge."))
 
 
 def _others(run: Run, names: list[str]) -> Table:
     table = [run.of_parameters(key, names) for key in ("nominal", "unit", "role", "description")]
     rows = [
-        [symbol(name), number(float(nominal), 5), "" if unit == "1" else str(unit), str(role), str(description)]
+        [symbol(name), compact(float(nominal)), "" if unit == "1" else str(unit), str(role), str(description)]
         for name, nominal, unit, role, description in zip(names, *table, strict=True)
     ]
     return Table(

@@ -9,15 +9,15 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from mofit.report.display import math_symbol, number, percent, symbol, with_sd
-from mofit.report.page import Details, Figure, Section, Table, Text
-from mofit.report.run import Array, Run
+from mofit.report.display import compact, math_symbol, number, percent, symbol, with_sd
+from mofit.report.page import Block, Details, Figure, Section, Table, Text
+from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
 
 @dataclass(frozen=True)
 class PerTest:
-    """Minima of single tests, shape (test, minimum, parameter), SI units, and the joint estimate of the best cluster."""
+    """Minima of single tests, shape (test, minimum, parameter), SI units, and the best cluster's joint estimate."""
 
     tests: list[str]
     frequency: Array
@@ -32,22 +32,24 @@ class PerTest:
 
 def extract_per_test(run: Run) -> PerTest | None:
     """The tests that were identified alone, or None where the run has none."""
-    if "per_frequency" not in run.tree.children:
+    node = run.group("per_frequency")
+    if node is None:
         return None
-    node = run.tree["per_frequency"]
-    value = np.asarray(node["value"].values, dtype=float)
-    some = np.isfinite(value).any(axis=(1, 2))
+    value = numbers(node, "value")
+    some = np.asarray(np.isfinite(value).any(axis=(1, 2)))
     if not some.any():
         return None
-    names = [str(name) for name in node["parameter"].values]
-    sd = np.asarray(node["sd"].values, dtype=float) if "sd" in node.data_vars else np.full(value.shape, np.nan)
+    names = labels(node, "parameter")
+    sd = numbers(node, "sd") if "sd" in node.data_vars else np.full(value.shape, np.nan)
     best = run.clusters[0]
     joint = {
         name: column
-        for name, *column in zip(best.parameters, best.array("value"), best.array("q05"), best.array("q95"), strict=True)
+        for name, *column in zip(
+            best.parameters, best.array("value"), best.array("q05"), best.array("q95"), strict=True
+        )
     }
     estimate = np.array([joint.get(name, [np.nan] * 3) for name in names])
-    tests = [str(test) for test in node["test"].values]
+    tests = labels(node, "test")
     frequency = dict(zip(run.tests, run.of_tests("frequency"), strict=True))
     return PerTest(
         tests=[test for test, there in zip(tests, some, strict=True) if there],
@@ -55,7 +57,7 @@ def extract_per_test(run: Run) -> PerTest | None:
         parameters=names,
         value=value[some],
         sd=sd[some],
-        nrmsd=np.asarray(node["nrmsd"].values, dtype=float)[some],
+        nrmsd=numbers(node, "nrmsd")[some],
         joint=estimate[:, 0],
         joint_low=estimate[:, 1],
         joint_high=estimate[:, 2],
@@ -63,7 +65,7 @@ def extract_per_test(run: Run) -> PerTest | None:
 
 
 def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool, axes: Axes) -> Axes:
-    """One parameter over frequency (or test): best minimum filled with ± sd, others hollow, the joint estimate as a band."""
+    """One parameter over frequency (or test): best minimum filled, ± sd, others hollow, the joint estimate as a band."""
     frequency = found.frequency
     over_frequency = bool(np.isfinite(frequency).all() and len(set(frequency)) == frequency.size > 1)
     x = frequency if over_frequency else np.arange(len(found.tests), dtype=float)
@@ -87,7 +89,7 @@ def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool
     few_ticks(axes, None, 5)
     values = found.value[:, :, k]
     finite = values[np.isfinite(values)]
-    if log and finite.size and finite.max() > 8 * finite.min():
+    if log and finite.size and finite.max() > 30 * finite.min():
         axes.set_yscale("log")
     return axes
 
@@ -106,10 +108,12 @@ def per_frequency_section(run: Run) -> Section | None:
     found = extract_per_test(run)
     if found is None:
         return None
-    blocks = [
+    blocks: list[Block] = [
         Text(
-            "Each test identified on its own, with up to three minima. Where they scatter or drift with frequency while the "
-            "joint estimate stays put, a single test can't tell the parameters, or the model isn't the same at all frequencies."
+            "Each test identified on its own, with up to three minima. Where they scatter or drift with frequency "
+            "while the "
+            "joint estimate stays put, a single test can't tell the parameters, or the model isn't the same at all "
+            "frequencies."
         ),
         _figure(run, found),
         Details("Table of the minima per test", [_table(run, found)]),
@@ -157,6 +161,8 @@ def _table(run: Run, found: PerTest) -> Table:
                 with_sd(value, sd) + (f" ± {number(sd, 2)}" if np.isfinite(sd) else "")
                 for value, sd in zip(found.value[t, m], found.sd[t, m], strict=True)
             ]
-            first = [test, number(found.frequency[t])] if m == 0 else ["", ""]
+            first = [test, compact(found.frequency[t], 4)] if m == 0 else ["", ""]
             rows.append([*first, *cells, percent(found.nrmsd[t, m])])
-    return Table([*columns, "NRMSD"], rows, "Local minima of each test identified separately, best first (Table 4 of the paper).")
+    return Table(
+        [*columns, "NRMSD"], rows, "Local minima of each test identified separately, best first (Table 4 of the paper)."
+    )

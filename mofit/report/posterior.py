@@ -60,7 +60,7 @@ def _marginal(run: Run, clusters: list[Cluster], name: str) -> Marginal:
     high = max(float(np.quantile(x, 0.999)) for x in columns.values())
     pad = 0.08 * (high - low) or 0.05 * abs(high) or 1.0
     low, high = max(low - pad, lower), min(high + pad, upper)
-    log = bool(run.is_log([name])[0]) and low > 0 and high > 8 * low
+    log = bool(run.is_log([name])[0]) and low > 0 and high > 30 * low
     edges = np.geomspace(low, high, _BINS + 1) if log else np.linspace(low, high, _BINS + 1)
     heights = {key: np.histogram(x, edges)[0].astype(float) for key, x in columns.items()}
     intervals = {key: (float(np.quantile(x, 0.05)), float(np.quantile(x, 0.95))) for key, x in columns.items()}
@@ -177,12 +177,18 @@ def _words(cluster: Cluster, matrix: Array, directions: list[Direction]) -> Mark
         share = f"{100 * min(direction.spread, 1.0):.0f} %"
         if len(moving) == 1:
             subject = symbol(next(iter(direction.weights)))
-            sentences.append(Markup("{} is left open: the posterior is {} as wide as the prior.").format(subject, share))
+            sentences.append(
+                Markup("{} is left open: the posterior is {} as wide as the prior.").format(subject, share)
+            )
         else:
-            text = "Open direction: moving {} together changes the fit little; along it the posterior is {} as wide as the prior."
+            text = (
+                "Open direction: moving {} changes the fit little; along it the posterior is {} as wide as the prior."
+            )
             sentences.append(Markup(text).format(listed(moving), share))
     if not sentences:
-        return Markup("No two parameters are strongly correlated (all below {}), and no direction is left open.").format(STRONG)
+        return Markup(
+            "No two parameters are strongly correlated (all below {}), and no direction is left open."
+        ).format(STRONG)
     return Markup(" ").join(sentences)
 
 
@@ -198,7 +204,8 @@ def _figure(run: Run, marginals: list[Marginal]) -> Figure:
     return Figure(
         image_of(canvas),
         "Marginal posterior of each parameter",
-        "Marginal posterior of each parameter, scaled to equal height (the weights of the solutions are in the table above). The "
+        "Marginal posterior of each parameter, scaled to equal height (the weights of the solutions are in the "
+        "table above). The "
         "strip over each panel is the whole search box, with the 5–95 % interval in it.",
         good="narrow humps that cover a small part of the strip.",
         bad="a flat shape over the whole strip (the data say nothing), or a hump cut off at an end of the strip.",

@@ -11,6 +11,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from mofit.report.display import percent
+
 Array = NDArray[np.float64]
 
 SHOWN = 4
@@ -18,6 +20,16 @@ SHOWN = 4
 
 PLAUSIBLE = 0.01
 """Posterior weight from which a solution counts as plausible."""
+
+
+def numbers(node: xr.DataTree, name: str) -> Array:
+    """A numeric variable or coordinate of a group."""
+    return np.asarray(node.dataset[name].values, dtype=float)
+
+
+def labels(node: xr.DataTree, name: str) -> list[str]:
+    """A variable or coordinate of strings."""
+    return [str(label) for label in node.dataset[name].values]
 
 
 @dataclass(frozen=True)
@@ -41,12 +53,12 @@ class Cluster:
     @cached_property
     def parameters(self) -> list[str]:
         """Names of its free parameters."""
-        return [str(name) for name in self.node["parameter"].values]
+        return labels(self.node, "parameter")
 
     def array(self, name: str) -> Array:
         """One of its summary variables; NaN throughout where the run has none."""
         if name in self.node.data_vars:
-            return np.asarray(self.node[name].values, dtype=float)
+            return numbers(self.node, name)
         return np.full(len(self.parameters), np.nan)
 
     @cached_property
@@ -54,19 +66,18 @@ class Cluster:
         """Posterior draws, shape (chain, draw, parameter)."""
         if "posterior" not in self.node.children:
             return None
-        posterior = self.node.children["posterior"]
-        return np.stack([posterior[name].values for name in self.parameters], axis=-1)
+        return np.stack([numbers(self.node.children["posterior"], name) for name in self.parameters], axis=-1)
 
     @cached_property
     def verdicts(self) -> list[str]:
         """Verdict per parameter, empty where the run gives none."""
         if "verdict" not in self.node.data_vars:
             return [""] * len(self.parameters)
-        return [str(verdict) for verdict in self.node["verdict"].values]
+        return labels(self.node, "verdict")
 
     @cached_property
     def grades(self) -> list[str]:
-        """``good``, ``fair`` or ``bad`` per parameter: does the data pin it?
+        """Whether the data pin each parameter: ``good``, ``fair`` or ``bad``.
 
         The verdict speaks where there is one; otherwise the contraction does (the posterior must be less than half as
         wide as the prior), and a bound that is hit.
@@ -94,23 +105,46 @@ class Run:
     @cached_property
     def tests(self) -> list[str]:
         """Names of the tests."""
-        return [str(name) for name in self.tree["test"].values]
+        return labels(self.tree, "test")
 
     def of_tests(self, name: str) -> Array:
         """A numeric root variable over the tests."""
-        return np.asarray(self.tree[name].values, dtype=float)
+        return numbers(self.tree, name)
 
     @cached_property
     def kinds(self) -> list[str]:
         """Kind of excitation per test."""
-        return [str(kind) for kind in self.tree["kind"].values]
+        return labels(self.tree, "kind")
+
+    def input_of(self, test: str) -> xr.DataArray | None:
+        """The first input signal of a test, or None where the run holds none."""
+        for name, signal in self.tree.children["constant_data"].data_vars.items():
+            if signal.dims == (f"time_{test}",) and name != f"{test}_weight":
+                return signal
+        return None
 
     @cached_property
     def clusters(self) -> list[Cluster]:
         """Clusters, best first (c1, c2, …, c10)."""
-        nodes = self.tree["clusters"].children
+        nodes = self.tree.children["clusters"].children
         names = sorted(nodes, key=lambda name: (len(name), name))
         return [Cluster(name, index, nodes[name]) for index, name in enumerate(names)]
+
+    def group(self, name: str) -> xr.DataTree | None:
+        """A group of the tree, or None where the run has none."""
+        return self.tree.children.get(name)
+
+    @cached_property
+    def baseline_title(self) -> str:
+        """Title of the baseline model; empty where the run has none."""
+        node = self.group("baseline")
+        return "" if node is None else str(node.attrs["model_title"])
+
+    @cached_property
+    def baseline_nrmsd(self) -> Array:
+        """NRMSD of the baseline per test; NaN where the run has none."""
+        node = self.group("baseline")
+        return np.full(len(self.tests), np.nan) if node is None else numbers(node, "nrmsd")
 
     @property
     def shown(self) -> list[Cluster]:
@@ -130,11 +164,11 @@ class Run:
     @cached_property
     def parameters(self) -> list[str]:
         """All parameters of the model."""
-        return [str(name) for name in self.tree["parameters/parameter"].values]
+        return labels(self.tree.children["parameters"], "parameter")
 
     def of_parameters(self, name: str, parameters: list[str]) -> NDArray[Any]:
         """A variable of the parameter table, for these parameters."""
-        return self.tree[f"parameters/{name}"].sel(parameter=parameters).values
+        return self.tree.children["parameters"].dataset[name].sel(parameter=parameters).values
 
     def unit(self, parameter: str) -> str:
         """SI unit of a parameter."""
@@ -160,13 +194,7 @@ class Run:
         """A root attribute that holds JSON."""
         return json.loads(self.tree.attrs[attribute])
 
-    @property
-    def has_frequencies(self) -> bool:
-        """Whether at least two tests have different frequencies, so that a frequency axis says something."""
-        frequency = self.of_tests("frequency")
-        return len(set(frequency[np.isfinite(frequency)])) > 1
-
 
 def tab_title(cluster: Cluster) -> str:
     """Name and weight of a cluster, for tabs."""
-    return f"{cluster.name} ({100 * cluster.weight:.3g} %)"
+    return f"{cluster.name} ({percent(cluster.weight)})"

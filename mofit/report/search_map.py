@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 
-from mofit.report.display import math_symbol, number
+from mofit.report.display import count, math_symbol, number
 from mofit.report.page import Block, Figure, Section, Text
-from mofit.report.run import Array, Run
+from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import FLOOR, MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
 _COLOURS = "viridis"
@@ -44,31 +44,30 @@ class Front:
 
 def extract_search(run: Run) -> SearchMap | None:
     """The search's history, or None where the run has none."""
-    if "search" not in run.tree.children:
+    node = run.group("search")
+    if node is None:
         return None
-    node = run.tree["search"]
-    names = [str(name) for name in node["parameter"].values]
-    nrmsd = np.asarray(node["nrmsd"].values, dtype=float).mean(axis=1)
+    names = labels(node, "parameter")
+    nrmsd = numbers(node, "nrmsd").mean(axis=1)
     good = np.isfinite(nrmsd)
     order = np.flatnonzero(good)[np.argsort(-nrmsd[good], kind="stable")]
     empty = np.empty((0, len(names)))
     return SearchMap(
         parameters=names,
-        points=np.asarray(node["points"].values, dtype=float)[order],
+        points=numbers(node, "points")[order],
         nrmsd=nrmsd[order],
-        stored=np.asarray(node["stored"].values, dtype=float) if "stored" in node.data_vars else empty,
-        fireflies=np.asarray(node["fireflies"].values, dtype=float) if "fireflies" in node.data_vars else empty,
+        stored=numbers(node, "stored") if "stored" in node.variables else empty,
+        fireflies=numbers(node, "fireflies") if "fireflies" in node.data_vars else empty,
         minima={c.name: c.array("value") for c in run.clusters if c.parameters == names},
     )
 
 
 def extract_front(run: Run) -> Front | None:
     """The non-dominated points, or None where the run has none."""
-    if "front" not in run.tree.children or run.tree["front"].sizes.get("point", 0) == 0:
+    node = run.group("front")
+    if node is None or node.sizes.get("point", 0) == 0:
         return None
-    node = run.tree["front"]
-    names = [str(name) for name in node["parameter"].values]
-    objectives = [str(name) for name in node["objective"].values]
+    names, objectives = labels(node, "parameter"), labels(node, "objective")
     same = [c for c in run.clusters if c.parameters == names]
     floor = dict(zip(run.tests, run.of_tests("noise_floor"), strict=True))
 
@@ -79,10 +78,10 @@ def extract_front(run: Run) -> Front | None:
     return Front(
         objectives=objectives,
         parameters=names,
-        nrmsd=np.asarray(node["nrmsd"].values, dtype=float),
-        place=run.to_unit(np.asarray(node["parameters"].values, dtype=float), names),
+        nrmsd=numbers(node, "nrmsd"),
+        place=run.to_unit(numbers(node, "parameters"), names),
         noise_floor=np.array([floor.get(objective, np.nan) for objective in objectives]),
-        minima_nrmsd={c.name: of_objectives(np.asarray(c.node["nrmsd"].values, dtype=float)) for c in same},
+        minima_nrmsd={c.name: of_objectives(numbers(c.node, "nrmsd")) for c in same},
         minima_place={c.name: run.to_unit(c.array("value"), names) for c in same},
     )
 
@@ -102,13 +101,41 @@ def draw_search(found: SearchMap, x: int, y: int | None, log: np.ndarray, axes: 
         return 100 * nrmsd if y is None else points[:, y]
 
     axes.scatter(
-        found.points[:, x], ordinate(found.points, found.nrmsd), c=colour, cmap=_COLOURS, s=7, lw=0, alpha=0.75, rasterized=True
+        found.points[:, x],
+        ordinate(found.points, found.nrmsd),
+        c=colour,
+        cmap=_COLOURS,
+        s=7,
+        lw=0,
+        alpha=0.75,
+        rasterized=True,
     )
     if y is not None:
-        axes.plot(found.fireflies[:, x], found.fireflies[:, y], ls="none", marker="^", ms=4, mfc="none", mec="#57606a", mew=0.8)
-        axes.plot(found.stored[:, x], found.stored[:, y], ls="none", marker="s", ms=5.5, mfc="none", mec=MEASURED, mew=1.0)
+        axes.plot(
+            found.fireflies[:, x],
+            found.fireflies[:, y],
+            ls="none",
+            marker="^",
+            ms=4,
+            mfc="none",
+            mec="#57606a",
+            mew=0.8,
+        )
+        axes.plot(
+            found.stored[:, x], found.stored[:, y], ls="none", marker="s", ms=5.5, mfc="none", mec=MEASURED, mew=1.0
+        )
         for k, minimum in reversed([*enumerate(found.minima.values())]):
-            axes.plot(minimum[x], minimum[y], ls="none", marker="*", ms=15, mfc=cluster_colour(k), mec="white", mew=0.9, zorder=5)
+            axes.plot(
+                minimum[x],
+                minimum[y],
+                ls="none",
+                marker="*",
+                ms=15,
+                mfc=cluster_colour(k),
+                mec="white",
+                mew=0.9,
+                zorder=5,
+            )
     else:
         for k, minimum in enumerate(found.minima.values()):
             axes.axvline(minimum[x], color=cluster_colour(k), lw=2)
@@ -118,6 +145,7 @@ def draw_search(found: SearchMap, x: int, y: int | None, log: np.ndarray, axes: 
         axes.set_xscale("log")
     if y is None or log[y]:
         axes.set_yscale("log")
+    axes.minorticks_off()
     few_ticks(axes, None if log[x] else 5, None if y is None or log[y] else 5)
     return axes
 
@@ -147,7 +175,8 @@ def search_section(run: Run) -> Section | None:
         attrs = run.tree["search"].attrs
         blocks.append(
             Text(
-                f"The search ({attrs['method']}) evaluated {attrs['evaluations']} points of the box and stored "
+                f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the box and "
+                f"stored "
                 f"{len(found.stored)} cluster bests; {len(run.clusters)} distinct minima remained after refinement."
             )
         )
@@ -170,7 +199,9 @@ def _map(run: Run, found: SearchMap) -> Figure:
                 name = found.parameters[k]
                 unit = run.unit(name)
                 getattr(panel, f"set_{axis}label")(math_symbol(name) + ("" if unit == "1" else f" ({unit})"))
-    handles = [line_key(cluster_colour(k), f"solution {n}", ls="none", marker="*", ms=11) for k, n in enumerate(found.minima)]
+    handles = [
+        line_key(cluster_colour(k), f"solution {n}", ls="none", marker="*", ms=11) for k, n in enumerate(found.minima)
+    ]
     handles.append(line_key("#440154", "evaluated: good", ls="none", marker="o", ms=4))
     handles.append(line_key("#c5d93a", "evaluated: poor", ls="none", marker="o", ms=4))
     if len(found.stored):
@@ -183,7 +214,8 @@ def _map(run: Run, found: SearchMap) -> Figure:
         "Evaluated points, stored bests and solutions over pairs of parameters",
         "Where the search looked and what it found, over the search box. Colour ranks the mean NRMSD over all tests.",
         good="the box is covered, dark points gather in a few tight places, each with a solution in it.",
-        bad="dark points lie along a valley (the parameters on its axes trade against each other) or at the edge of the box.",
+        bad="dark points lie along a valley (the parameters on its axes trade against each other) or at the edge "
+        "of the box.",
     )
 
 
@@ -205,9 +237,11 @@ def _parallel(run: Run, front: Front) -> Figure:
     return Figure(
         image_of(canvas),
         "Parallel coordinates of the non-dominated points",
-        f"{len(front.nrmsd)} points of which none is better than another at every test (smallest mean {best} %). Left the error of "
+        f"{len(front.nrmsd)} points of which none is better than another at every test (smallest mean {best} %). "
+        f"Left the error of "
         "each at each test, right its parameters inside the search box.",
         good="the lines run close together: one set of parameters serves all tests.",
-        bad="lines cross between tests on the left and spread on the right: each test wants other parameters, so the model "
+        bad="lines cross between tests on the left and spread on the right: each test wants other parameters, so "
+        "the model "
         "lacks something that changes between them.",
     )

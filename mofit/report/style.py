@@ -19,10 +19,12 @@ BASELINE = "#8c959f"
 FLOOR = "#E69F00"
 GRID = "#e3e8ed"
 
+_STEPS = (1, 2, 2.5, 5, 10)
+
 WIDTH = 11.2
 """Width of a figure in inches; it fills the page."""
 
-RC: dict[str, Any] = {
+RC: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "mofit",
     "font.family": "sans-serif",
@@ -31,6 +33,7 @@ RC: dict[str, Any] = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.03,  # a fixed place: looking for a free one costs a third of the drawing time
     "axes.labelsize": 9.0,
     "axes.edgecolor": "#8c959f",
     "axes.linewidth": 0.8,
@@ -113,9 +116,9 @@ def panels(
 def few_ticks(axes: Axes, x: int | None = 5, y: int | None = 4) -> None:
     """At most this many intervals between the ticks of each linear axis (None leaves it as it is)."""
     if x is not None:
-        axes.xaxis.set_major_locator(MaxNLocator(x))
+        axes.xaxis.set_major_locator(MaxNLocator(x, steps=_STEPS))
     if y is not None:
-        axes.yaxis.set_major_locator(MaxNLocator(y))
+        axes.yaxis.set_major_locator(MaxNLocator(y, steps=_STEPS))
 
 
 def legend_above(canvas: Canvas, handles: Sequence[Any]) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
-from mofit.report.display import count, listed, number, percent, symbol, with_sd
+from mofit.report.display import THIN, count, listed, number, percent, symbol, with_sd
 from mofit.report.page import Block, Raw, Section, Text
-from mofit.report.run import PLAUSIBLE, Run
+from mofit.report.run import PLAUSIBLE, Run, numbers
 
 
 @dataclass(frozen=True)
@@ -32,12 +33,9 @@ class Headline:
 def extract_headline(run: Run) -> Headline:
     """Boil the run down to a few figures."""
     best = run.clusters[0]
-    nrmsd = np.asarray(best.node["nrmsd"].values, dtype=float)
+    nrmsd = numbers(best.node, "nrmsd")
     floor = run.of_tests("noise_floor")
     used = np.isfinite(nrmsd)
-    baseline = np.full(nrmsd.shape, np.nan)
-    if "baseline" in run.tree.children:
-        baseline = np.asarray(run.tree["baseline/nrmsd"].values, dtype=float)
     ratio = np.where(used & (floor > 0), nrmsd / np.where(floor > 0, floor, 1.0), -np.inf)
     worst = int(np.argmax(ratio))
     return Headline(
@@ -45,7 +43,7 @@ def extract_headline(run: Run) -> Headline:
         plausible=len(run.plausible),
         nrmsd=_mean(nrmsd[used]),
         noise_floor=_mean(floor[used]),
-        baseline=_mean(baseline[used]),
+        baseline=_mean(run.baseline_nrmsd[used]),
         largest_r_hat=_extreme(np.max, [c.array("r_hat") for c in run.plausible]),
         smallest_ess=_extreme(np.min, [c.array("ess") for c in run.plausible]),
         unpinned=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade != "good"],
@@ -60,7 +58,7 @@ def _mean(values: np.ndarray) -> float:
     return float(finite.mean()) if finite.size else float("nan")
 
 
-def _extreme(choose: type[np.max], arrays: list[np.ndarray]) -> float:
+def _extreme(choose: Callable[[np.ndarray], float], arrays: list[np.ndarray]) -> float:
     values = np.concatenate([*arrays, [np.nan]])
     finite = values[np.isfinite(values)]
     return float(choose(finite)) if finite.size else float("nan")
@@ -122,7 +120,7 @@ def _best(run: Run) -> Markup:
         else Markup("{}&nbsp;= {} {}").format(symbol(name), number(value, 4), run.unit(name))
         for name, value, sd in zip(best.parameters, best.array("value"), best.array("sd"), strict=True)
     ]
-    share = f" (posterior weight {number(100 * best.weight)} %)" if len(run.clusters) > 1 else ""
+    share = f" (posterior weight {percent(best.weight)})" if len(run.clusters) > 1 else ""
     return Markup("<b>Best solution {}</b>{}: {}.").format(best.name, share, listed(values))
 
 
@@ -133,10 +131,10 @@ def _fit(run: Run, found: Headline) -> Markup:
     )
     if np.isfinite(found.baseline):
         change = 1 - found.nrmsd / found.baseline
-        text += Markup("; the {} reaches {}, so the model's error is {} % {}").format(
-            run.tree["baseline"].attrs["model_title"],
+        text += Markup("; the {} reaches {}, so the model's error is {} {}").format(
+            run.baseline_title,
             percent(found.baseline),
-            number(100 * abs(change), 2),
+            f"{100 * abs(change):.0f}{THIN}%",
             "smaller" if change >= 0 else "larger",
         )
     if np.isfinite(found.worst_ratio) and found.worst_ratio > 1.2:
@@ -151,7 +149,7 @@ def _solutions(run: Run, found: Headline) -> Markup:
         others = len(run.clusters) - 1
         more = f"; {others} more found by the search carry less than {PLAUSIBLE:.0%} each" if others else ""
         return Markup("<b>Solutions.</b> There is one plausible solution{}.").format(more)
-    shares = listed([Markup("{} ({} %)").format(c.name, number(100 * c.weight)) for c in run.plausible])
+    shares = listed([Markup("{} ({})").format(c.name, percent(c.weight)) for c in run.plausible])
     return Markup("<b>Solutions.</b> {} solutions are plausible: {}. The data alone don't tell them apart.").format(
         found.plausible, shares
     )

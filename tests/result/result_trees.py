@@ -127,7 +127,7 @@ def _draws(rig: Rig, rng: np.random.Generator, centre: np.ndarray, converged: bo
     d = len(rig.names)
     origin, width = _scaled(rig, np.maximum(rig.lower, 1e-9)), None
     width = _scaled(rig, rig.upper) - origin
-    sd = 0.01 * np.geomspace(1, 4, d)
+    sd = 0.003 * np.geomspace(1, 4, d)
     if d > 3:
         sd[-1] = 0.25
     correlation = np.eye(d)
