@@ -16,7 +16,7 @@ from mofit.model import System
 
 Array = NDArray[np.float64]
 
-#: how often a graded mesh halves the first sampling interval: T = 1e-6 of it is resolved
+#: how often the first sampling interval is halved for implicit schemes: T = 1e-6 of it is resolved
 _HALVINGS = 20
 #: points per sampling interval at which switches are looked for
 _LOOKS = 8
@@ -60,10 +60,10 @@ class Mesh:
 def build_mesh(drive: Drive, rung: Rung, switches: tuple[Array, Array]) -> Mesh:
     """Cut every sampling interval at its switches, and every part into equal steps.
 
-    With a graded scheme the first interval is also halved again and again towards its start.
+    With an implicit scheme the first interval is also halved again and again towards its start.
     """
     before, after = switches
-    halves = drive.step * 0.5 ** np.arange(_HALVINGS, 0, -1) if rung.scheme.graded else np.empty(0)
+    halves = drive.step * 0.5 ** np.arange(_HALVINGS, 0, -1) if not rung.scheme.explicit else np.empty(0)
     samples = np.arange(drive.samples + 1) * drive.step
     ends = np.concatenate([samples[1:], halves, before])
     starts = np.concatenate([samples[:-1], halves, after])

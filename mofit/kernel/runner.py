@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit.kernel.drive import Drive
-from mofit.kernel.loop import JOB_FIELDS
+from mofit.kernel.loop import JOB_FIELDS, Shape
 from mofit.kernel.machine import host
 from mofit.kernel.mesh import Rung, find_switches
 from mofit.kernel.variant import Table, Variant
@@ -20,6 +20,8 @@ from mofit.model import System
 
 Array = NDArray[np.float64]
 
+#: up to so many vectors carried from sample to sample, four registers for each still pay
+_FEW_CARRIED = 20
 #: more sets of values of the parameters that are not free than this, and they go into lanes
 _MANY = 4
 
@@ -42,6 +44,19 @@ class _Block:
     lanes: int
     parameters: Array  # (np, L): free, then fixed
     spread: bool
+
+
+def _lane_counts(shape: Shape) -> tuple[int, int]:
+    """Lanes of a small and of a large block: enough to hide latency, as few as registers suffice for.
+
+    A step is a chain of dependent operations. Without derivatives two registers side by side take no longer
+    than one, and four little longer; with many sums to carry along, four spill more than they hide.
+    """
+    width = host().width
+    if not shape.derivatives:
+        return 2 * width, 4 * width
+    carried = shape.states * shape.columns + shape.sums
+    return width, 4 * width if carried <= _FEW_CARRIED else 2 * width
 
 
 class Runner:
@@ -70,11 +85,13 @@ class Runner:
         other._switches = [self._switches[i] for i in index]
         return other
 
+    def _shape(self, derivatives: bool) -> Shape:
+        return Shape(len(self.system.states), len(self.system.outputs), len(self.free), derivatives)
+
     def reduced(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> Array:
         """Sums (see `loop.Shape.sums`) per parameter set and test."""
-        blocks = self._blocks(p, choices)
-        nf = len(self.free)
-        sums = 1 + (nf + nf * (nf + 1) // 2) * derivatives
+        blocks = self._blocks(p, choices, derivatives)
+        sums = self._shape(derivatives).sums
         shapes = [(sums, block.lanes) for block in blocks]
         result = np.full((len(p), len(self.drives), sums), np.nan)
         for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=True), strict=True):
@@ -83,7 +100,7 @@ class Runner:
 
     def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[Array]:
         """Outputs and their derivatives, (N, n, ny, 1 + nf) per test."""
-        blocks = self._blocks(p, choices)
+        blocks = self._blocks(p, choices, derivatives)
         ny, columns = len(self.system.outputs), 1 + len(self.free) * derivatives
         shapes = [(self.drives[block.drive].samples, columns, ny, block.lanes) for block in blocks]
         result = [np.full((len(p), drive.samples, ny, columns), np.nan) for drive in self.drives]
@@ -91,7 +108,7 @@ class Runner:
             result[block.drive][block.rows] = values[..., : len(block.rows)].transpose(3, 0, 2, 1)
         return result
 
-    def _blocks(self, p: Array, choices: Sequence[Choice]) -> list[_Block]:
+    def _blocks(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[_Block]:
         """Cut the batch into blocks that share a test, the fixed parameters and the way of integration."""
         ordered = np.ascontiguousarray(p[:, self._order])
         fixed = ordered[:, len(self.free) :]
@@ -100,20 +117,23 @@ class Runner:
             sets, group = np.unique(fixed, axis=0, return_inverse=True)
             spread = len(sets) > _MANY
             group = np.zeros_like(group) if spread else group.ravel()
+        sizes = _lane_counts(self._shape(derivatives))
         blocks = []
         for index, choice in enumerate(choices):
             for number in np.unique(choice.taken[choice.taken >= 0]):
                 takes = choice.taken == number
                 for which in np.unique(group[takes]):
                     rows = np.flatnonzero(takes & (group == which))
-                    blocks += self._cut(index, rows, choice.rungs[number], ordered, spread)
+                    blocks += self._cut(index, rows, choice.rungs[number], ordered, spread, sizes)
         return blocks
 
-    def _cut(self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool) -> list[_Block]:
-        narrow = host().width
+    def _cut(
+        self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool, sizes: tuple[int, int]
+    ) -> list[_Block]:
+        narrow, wide = sizes
         blocks = []
         while len(rows):
-            lanes = narrow if len(rows) <= narrow else 2 * narrow
+            lanes = wide if len(rows) > wide // 2 else narrow
             taken, rows = rows[:lanes], rows[lanes:]
             padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
             blocks.append(_Block(drive, taken, rung, lanes, np.ascontiguousarray(ordered[padded].T), spread))

@@ -28,8 +28,9 @@ class Scheme:
         Where in the step (0 to 1) it reads the inputs; the first is 0.
     advance
         The step itself.
-    graded
-        Whether the first sampling interval is cut finely, for what decays at once.
+    explicit
+        Whether it needs no Jacobian. Its derivative is then the same step of the variational equations; and what
+        decays at once is not for it, so that the first sampling interval is not cut finely either.
     cost
         Of one step, relative to RK4.
     """
@@ -37,7 +38,7 @@ class Scheme:
     name: str
     nodes: tuple[float, ...]
     advance: Advance
-    graded: bool
+    explicit: bool
     cost: float
 
 
@@ -51,7 +52,7 @@ def _rk4(rhs: Rates, x: ca.SX, inputs: Sequence[ca.SX], slope: ca.SX, h: ca.SX) 
 
 
 #: the classical Runge-Kutta method
-RK4 = Scheme("RK4", (0.0, 0.5, 1.0), _rk4, graded=False, cost=1.0)
+RK4 = Scheme("RK4", (0.0, 0.5, 1.0), _rk4, explicit=True, cost=1.0)
 
 # RODAS4: A, C, c and d of the form (I / (gamma h) - J) U_i = f(t + c_i h, x + A_i U) + C_i U / h + d_i h df/dt
 _GAMMA = 0.25
@@ -119,7 +120,7 @@ _READ = (0.0, 0.386, 0.21, 0.63, 1.0)
 
 #: stiffly accurate, L-stable Rosenbrock method of order 4
 #: (Hairer & Wanner, Solving Ordinary Differential Equations II, 2nd ed., section VI.4)
-RODAS4 = Scheme("RODAS4", _READ, _rodas4, graded=True, cost=4.0)
+RODAS4 = Scheme("RODAS4", _READ, _rodas4, explicit=False, cost=4.0)
 
 #: inputs of `build_graph`'s functions, with the level of each
 GRAPH_INPUTS = {
@@ -152,21 +153,44 @@ def build_graph(system: System, scheme: Scheme, free: Sequence[str], derivatives
         *(pf[list(free).index(name)] if name in free else px[rest.index(name)] for name in system.parameters)
     )
     inputs = [u[:, node] for node in range(len(scheme.nodes))]
-    start = system.initial(first, p, c)
-    end = scheme.advance(lambda x, u: system.rhs(x, u, p, c), x, inputs, slope, h) if nx else x
-    y = system.out(x, u[:, 0], p, c)
-    state, results = x, [start, end, y]
-    if derivatives:
-        sx = ca.SX.sym("sx", nx, nf)
-        state = ca.veccat(x, sx)
-        unit = ca.SX.eye(nf)
-        results = [ca.veccat(start, ca.jtimes(start, pf, unit))] + [
-            ca.veccat(value, ca.jtimes(value, ca.vertcat(x, pf), ca.vertcat(sx, unit))) for value in (end, y)
-        ]
+    start, y = system.initial(first, p, c), system.out(x, inputs[0], p, c)
+
+    def rates(x: ca.SX, u: ca.SX) -> ca.SX:
+        return system.rhs(x, u, p, c)
+
+    if not derivatives:
+        state, results = x, [start, scheme.advance(rates, x, inputs, slope, h) if nx else x, y]
+    else:
+        state = ca.horzcat(x, ca.SX.sym("sx", nx, nf))
+        if not nx:
+            end = state
+        elif scheme.explicit:
+            end = scheme.advance(_variational(rates, x, inputs[0], pf), state, inputs, slope, h)
+        else:
+            end = scheme.advance(rates, x, inputs, slope, h)
+            seeds = ca.vertcat(state[:, 1:], ca.SX.eye(nf))
+            end = ca.horzcat(end, ca.jtimes(end, ca.vertcat(x, pf), seeds))
+        results = [ca.horzcat(start, ca.jacobian(start, pf)), end, _slopes(y, x, pf, state)]
     return ca.Function(
         "graph",
-        [pf, state, ca.vec(u), slope, first, px, c, h],
+        [pf, ca.vec(state), ca.vec(u), slope, first, px, c, h],
         [ca.densify(ca.vec(result)) for result in results],
         list(GRAPH_INPUTS),
         ["initial", "next", "output"],
     )
+
+
+def _slopes(value: ca.SX, x: ca.SX, free: ca.SX, state: ca.SX) -> ca.SX:
+    """``value`` and its derivatives by the free parameters, as columns, where ``state`` is that of x."""
+    return ca.horzcat(value, ca.jacobian(value, x) @ state[:, 1:] + ca.jacobian(value, free))
+
+
+def _variational(rates: Rates, x: ca.SX, u: ca.SX, free: ca.SX) -> Rates:
+    """Rates of the state and of its derivatives, as columns: the variational equations."""
+    state = ca.horzcat(x, ca.SX.sym("sx", x.numel(), free.numel()))
+    extended = _slopes(rates(x, u), x, free, state)
+
+    def extended_rates(at: ca.SX, inputs: ca.SX) -> ca.SX:
+        return ca.substitute([extended], [ca.vec(state), u], [ca.vec(at), inputs])[0]
+
+    return extended_rates

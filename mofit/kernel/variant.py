@@ -76,7 +76,8 @@ class Variant:
 
     def code(self, refined: bool, lanes: int) -> Code:
         """The compiled loop, with or without further steps within a sampling interval."""
-        key = (refined, lanes)
+        # a refined loop takes any mesh
+        key = (refined or (True, lanes) in self._codes, lanes)
         if key not in self._codes:
             substep = self.substep if refined else None
             self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes)
