@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from mofit.errors import Fault, InputError, did_you_mean
-from mofit.units import UnitError, to_si
+from mofit.units import UnitError, si_unit, to_si
 
 
 class _Strict(BaseModel):
@@ -112,8 +112,6 @@ def quantity(where: str, value: Quantity, unit: str | None) -> tuple[float, str]
     InputError
         If the text is no number with a unit, or the unit does not fit ``unit``.
     """
-    from mofit.units import si_unit
-
     if not isinstance(value, str):
         return float(value), unit or "1"
     number, _, given = value.strip().partition(" ")
