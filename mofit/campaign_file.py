@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.campaign import Array, Campaign, Measurement, Procedure
-from mofit.errors import Fault, did_you_mean, raise_errors
+from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.labels import CHANNELS, HOLDS, KINDS, PERIODIC_KINDS, known_unit, title_of
 from mofit.units import UnitError, si_unit, to_si
 from mofit.validity import channel_faults, role_faults, time_faults, whole_period_faults
@@ -61,8 +61,15 @@ def write_campaign(campaign: Campaign, path: str | Path) -> None:
     """Write a campaign file whole or not at all: under a temporary name beside it, then renamed.
 
     The same campaign gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        If the folder is not there or cannot be written to.
     """
     path = Path(path)
+    if not os.access(path.parent, os.W_OK):
+        raise InputError.of(f"file '{path}'", "its folder is not there or not writable", "Name another folder")
     tree = _tree(campaign)
     packed = {"zlib": True, "complevel": 4, "shuffle": True}
     encoding = {f"/{name}": dict.fromkeys(group.variables, packed) for name, group in tree.children.items()}

@@ -30,7 +30,8 @@ class Fault:
     severity: Literal["error", "warning"] = "error"
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.what.rstrip('.')}. {self.cure.rstrip('.')}."
+        end = "" if self.cure.endswith("?") else "."
+        return f"{self.where}: {self.what.rstrip('.')}. {self.cure.rstrip('.')}{end}"
 
 
 class MofitError(Exception):

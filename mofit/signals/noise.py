@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 #: below this share of the smoothing residual the top of the spectrum is believed instead; a short
 #: record scatters by a fifth or so
 _FAR_LOWER = 0.5
+#: levels from which on a signal counts as quantised
+_FEWEST_LEVELS = 8
 
 
 def repeat_noise(time: Array, values: Array, period: float) -> float:
@@ -53,7 +55,7 @@ def residual_noise(values: Array) -> tuple[float, str]:
     level, method = smooth_level, "smoothing residual"
     if top_level < _FAR_LOWER * smooth_level:
         level, method = top_level, "top of spectrum"
-    return max(level, quantum(values) / np.sqrt(12)), method
+    return float(max(level, quantum(values) / np.sqrt(12))), method
 
 
 def _top_of_spectrum(values: Array) -> float:
@@ -71,8 +73,8 @@ def quantum(values: Array) -> float:
     levels = np.unique(values)
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9 * np.ptp(values)] if len(levels) > 1 else gaps
-    # with few repeated values a grid cannot be told from chance
-    if not gaps.size or len(levels) > 0.5 * len(values):
+    # few levels are a signal that steps; with few repeated values a grid cannot be told from chance
+    if not gaps.size or not _FEWEST_LEVELS <= len(levels) <= 0.5 * len(values):
         return 0.0
     smallest = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
     multiples = gaps / smallest

@@ -87,6 +87,11 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path, campaign, mon
     assert [entry.name for entry in tmp_path.iterdir()] == ["c.nc"]
 
 
+def test_a_folder_that_is_not_there(tmp_path, campaign):
+    with pytest.raises(InputError, match="its folder is not there"):
+        write_campaign(campaign, tmp_path / "none" / "c.nc")
+
+
 def test_units_in_a_file_are_converted(tmp_path):
     t_ms = np.arange(100) * 10.0
     wave = np.sin(2 * np.pi * t_ms / 1000)

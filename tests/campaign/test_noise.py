@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mofit.campaign import Measurement, Procedure
-from mofit.signals import analyse, overlap_noise, quantum, repeat_noise, residual_noise
+from mofit.signals import analyse, overlap_noise, quantum, repeat_noise, residual_noise, smooth_derivative
 
 
 def white(rng, n):
@@ -104,3 +106,38 @@ def test_analyse_a_step_and_a_stated_transient():
     record = analyse(Measurement(procedure, {"lateral_force": force}, {"slip_angle": "rad", "lateral_force": "N"}))
     assert (record.period, record.periods, record.transient) == (None, 0, 0.5)
     assert record.noise_sd["lateral_force"] == pytest.approx(3.0, rel=0.1)
+
+
+SIGNALS = {
+    "constant": lambda t, rng: np.full(len(t), 3.0),
+    "zero": lambda t, rng: np.zeros(len(t)),
+    "step": lambda t, rng: np.where(t > t.mean(), 1.0, 0.0),
+    "ramp": lambda t, rng: t,
+    "sine": lambda t, rng: np.sin(rng.uniform(0.5, 40) * t),
+    "noise": lambda t, rng: rng.normal(size=len(t)),
+    "pulse": lambda t, rng: (np.arange(len(t)) == len(t) // 2).astype(float),
+    "huge": lambda t, rng: 1e12 * np.sin(9 * t) + 1e14,
+    "tiny": lambda t, rng: 1e-12 * np.sin(9 * t),
+}
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    n=st.integers(8, 90),
+    kind=st.sampled_from(["sine", "multisine", "step", "free", "chirp", "quasi_static"]),
+    drive=st.sampled_from(sorted(SIGNALS)),
+    answer=st.sampled_from(sorted(set(SIGNALS) - {"constant", "zero"})),
+    seed=st.integers(0, 99),
+)
+def test_analyse_gives_finite_numbers_for_whatever_a_sound_test_holds(n, kind, drive, answer, seed):
+    rng = np.random.default_rng(seed)
+    time = 7.0 + np.arange(n) * 0.01
+    inputs, outputs = {"displacement": SIGNALS[drive](time, rng)}, {"force": SIGNALS[answer](time, rng)}
+    procedure = Procedure("a", kind, time, inputs, frequency=1.0)
+    record = analyse(Measurement(procedure, outputs, {"displacement": "m", "force": "N"}))
+    assert np.all(np.isfinite([*record.noise_sd.values(), *record.noise_floor.values()]))
+    assert min(record.noise_sd.values()) >= 0
+    assert record.period is None or 0 < record.period < 10
+    assert 0 <= record.transient <= time[-1] - time[0]
+    for values in (*inputs.values(), *outputs.values()):
+        assert np.all(np.isfinite(smooth_derivative(time, values)))
