@@ -27,7 +27,7 @@ class Host:
 
 @cache
 def host() -> Host:
-    """This machine, with its widest vector registers in use."""
+    """The machine at hand, with its widest vector registers in use."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features()

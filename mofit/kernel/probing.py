@@ -26,6 +26,8 @@ _PROBES = 24
 _UNSTABLE = 6.0
 #: share of the tolerance that a change by doubling the steps may take
 _SHARE = 0.5
+#: order of convergence from which the error may be interpolated
+_CLEAN = 2.7
 
 
 class Probing:
@@ -43,9 +45,7 @@ class Probing:
         self.system = system
         self.drives = [_stretch(drive) for drive in drives]
         self.outputs = len(system.outputs)
-        self.runner = Runner(
-            replace(system, outputs=system.outputs + system.states, out=out), self.drives, free, jobs
-        )
+        self.runner = Runner(replace(system, outputs=system.outputs + system.states, out=out), self.drives, free, jobs)
 
     def stiffness(self, p: Array) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""
@@ -117,10 +117,13 @@ def _change(coarse: Array, fine: Array) -> Array:
 
 
 def _interpolated(steps: int, change: Array, last: Array, allowed: float) -> Array:
-    """Number of steps at which the change would be as allowed, from that at ``steps`` and at half as many."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        order = np.clip(np.where(np.isfinite(last), np.log2(last / change), 4.0), 1.0, 4.0)
-        needed = steps * (change / allowed) ** (1 / order)
+    """Number of steps at which the change would be as allowed, from that at ``steps`` and at half as many.
+
+    Where steps cross kinks convergence is slow and erratic: nothing is taken off there.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        order = np.where(np.isfinite(last), np.log2(last / change), 4.0)
+        needed = np.where(order > _CLEAN, steps * (change / allowed) ** (1 / np.minimum(order, 4.0)), steps)
     return np.clip(np.nan_to_num(needed, nan=steps), 0.5 * steps if steps > 1 else 0.1, steps)
 
 

@@ -158,7 +158,7 @@ def _reciprocals(program: Program, inputs: Sequence[int]) -> Program:
         args = tuple(new[i] for i in node.args)
         if node.op == ca.OP_DIV and (times[node.args[1]] > 1 or levels[node.args[1]] != levels[index]):
             return build.add(ca.OP_MUL, (args[0], build.add(ca.OP_INV, (args[1],))))
-        return build.add(node.op, args, node.value)
+        return _copied(build, index, node, new)
 
     return _rewrite(program, rule)
 
@@ -188,10 +188,11 @@ def _fuse(program: Program, inputs: Sequence[int]) -> Program:
                     factors = (*factors, build.add(ca.OP_CONST, value=2.0))
                 op = FMA if node.op == ca.OP_ADD else (FMS, FNMA)[side]
                 return build.add(op, (*factors, other))
-        return build.add(node.op, tuple(new[i] for i in node.args), node.value)
+        return _copied(build, index, node, new)
 
-    return _dropped(_rewrite(program, rule))
+    # products that all went into sums are dead now
+    return _rewrite(_rewrite(program, rule), _copied)
 
 
-def _dropped(program: Program) -> Program:
-    return _rewrite(program, lambda build, _, node, new: build.add(node.op, tuple(new[i] for i in node.args), node.value))
+def _copied(build: _Builder, _: int, node: Node, new: list[int]) -> int:
+    return build.add(node.op, tuple(new[i] for i in node.args), node.value)

@@ -23,8 +23,12 @@ _IMPLICIT = (1, 2, 3, 4, 6, 8, 12, 16)
 _FEW = 6
 #: for what no rung integrates to the tolerance: fast oscillations with little damping
 _HOPELESS = Rung(RODAS4, 2)
+#: where each of them integrates some sets to the tolerance, but none all
+_FINEST = Rung(RODAS4, _IMPLICIT[-1])
 #: on the number of steps, over what the sample needed
-_SAFETY = 1.25
+_SAFETY = 1.2
+#: so many sets stiffer than a set are held to be like it, or all up to half as stiff again
+_AHEAD = 5
 #: how far beyond the stiffest of the sample its rung is trusted
 _BEYOND = 1.2
 #: parameter sets of a calibration: Sobol points, and at most so many corners of the box
@@ -76,7 +80,7 @@ def measure(probing: Probing, p: Array, tolerance: float) -> list[Choice]:
     implicit = probing.needed(p, RODAS4, _IMPLICIT[-1], tolerance, skip=explicit <= _FEW)
     choices = []
     for t in range(explicit.shape[1]):
-        rungs = [_cheapest(*steps) for steps in zip(explicit[:, t], implicit[:, t], strict=True)]
+        rungs = [_cheapest(*steps, _HOPELESS) for steps in zip(explicit[:, t], implicit[:, t], strict=True)]
         known = tuple(dict.fromkeys(rungs))
         choices.append(Choice(known, np.array([known.index(rung) for rung in rungs])))
     return choices
@@ -102,7 +106,7 @@ def sample_box(lower: Array, upper: Array) -> Array:
     return np.clip(values, lower, upper)
 
 
-def _cheapest(explicit: float, implicit: float) -> Rung:
+def _cheapest(explicit: float, implicit: float, otherwise: Rung) -> Rung:
     """The rung with least work of those that suffice; needs may be infinite, or nan where not tried."""
     offers = [
         Rung(scheme, next(steps for steps in ladder if steps >= need))
@@ -112,7 +116,7 @@ def _cheapest(explicit: float, implicit: float) -> Rung:
         )
         if need <= ladder[-1]
     ]
-    return min(offers, key=lambda rung: rung.cost, default=_HOPELESS)
+    return min(offers, key=lambda rung: rung.cost, default=otherwise)
 
 
 def _rule(rate: Array, explicit: Array, implicit: Array) -> Rule:
@@ -122,9 +126,10 @@ def _rule(rate: Array, explicit: Array, implicit: Array) -> Rule:
     share = float(np.mean(hopeless))
     rungs, limits = [], []
     for i in range(len(rate)):
-        # what is stiffer needs no less: the most that any set up to here needed
-        tried = implicit[: i + 1][np.isfinite(implicit[: i + 1])]
-        rung = _cheapest(float(np.max(explicit[: i + 1])), float(np.max(tried, initial=-np.inf)) if len(tried) else np.nan)
+        # what is stiffer needs no less: the most that any set up to here, and a little on, needed
+        end = max(i + _AHEAD, int(np.searchsorted(rate, 1.5 * rate[i])))
+        tried = implicit[:end][~np.isnan(implicit[:end])]
+        rung = _cheapest(float(np.max(explicit[:end])), float(np.max(tried)) if len(tried) else np.nan, _FINEST)
         if rungs and rungs[-1] == rung:
             limits[-1] = float(rate[i])
         else:
@@ -134,4 +139,4 @@ def _rule(rate: Array, explicit: Array, implicit: Array) -> Rule:
     most = np.max(implicit[np.isfinite(implicit)], initial=_HOPELESS.steps)
     if limits:
         limits[-1] *= _BEYOND
-    return Rule((*rungs, _cheapest(np.inf, float(most))), tuple(limits), share)
+    return Rule((*rungs, _cheapest(np.inf, float(most), _FINEST)), tuple(limits), share)

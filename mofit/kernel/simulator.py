@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.kernel.drive import Drive
-from mofit.kernel.runner import Runner
 from mofit.kernel.rule import Rule
+from mofit.kernel.runner import Runner
 from mofit.kernel.stepping import Stepping
 from mofit.model import System
 
@@ -81,29 +81,32 @@ class Simulator:
 
     def simulate(self, p: ArrayLike) -> list[Array]:
         """Outputs of every test, each (N, n, ny), for parameter sets ``p`` of shape (N, np)."""
-        p = self._checked(p)
-        return [values[..., 0] for values in self._runner.stored(p, self._stepping.choices(p, self.drives), derivatives=False)]
+        return [values[..., 0] for values in self._stored(p, derivatives=False)]
 
     def sensitivities(self, p: ArrayLike) -> list[tuple[Array, Array]]:
         """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test."""
-        p = self._checked(p)
-        stored = self._runner.stored(p, self._stepping.choices(p, self.drives), derivatives=True)
-        return [(values[..., 0], values[..., 1:]) for values in stored]
+        return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
 
     def cost(self, p: ArrayLike) -> Array:
         r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T)."""
-        p = self._checked(p)
-        return self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives=False)[..., 0]
+        return self._reduced(p, derivatives=False)[..., 0]
 
     def gauss_newton(self, p: ArrayLike) -> tuple[Array, Array, Array]:
         r"""Cost (N, T), :math:`J^T W r` (N, T, nf) and :math:`J^T W J` (N, T, nf, nf), with J = dy/dfree."""
-        p = self._checked(p)
-        sums = self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives=True)
+        sums = self._reduced(p, derivatives=True)
         nf = len(self.free)
         normal = np.empty((*sums.shape[:2], nf, nf))
         upper = np.triu_indices(nf)
         normal[..., upper[0], upper[1]] = normal[..., upper[1], upper[0]] = sums[..., 1 + nf :]
         return sums[..., 0], sums[..., 1 : 1 + nf], normal
+
+    def _stored(self, p: ArrayLike, derivatives: bool) -> list[Array]:
+        p = self._checked(p)
+        return self._runner.stored(p, self._stepping.choices(p, self.drives), derivatives)
+
+    def _reduced(self, p: ArrayLike, derivatives: bool) -> Array:
+        p = self._checked(p)
+        return self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives)
 
     def _checked(self, p: ArrayLike) -> Array:
         p = np.ascontiguousarray(np.atleast_2d(np.asarray(p, dtype=float)))

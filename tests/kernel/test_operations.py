@@ -103,7 +103,9 @@ def test_branch_not_taken_may_be_infinite_in_the_derivative():
 
 def test_contraction_changes_rounding_only(rng):
     x = ca.SX.sym("x", 3)
-    y = ca.vertcat(x[0] * x[1] + x[2], x[0] / x[2] - x[1] / x[2], x[0] ** 2 - x[1] * x[2], 2 * x[0] - 3, 5 - x[1] * x[2])
+    y = ca.vertcat(
+        x[0] * x[1] + x[2], x[0] / x[2] - x[1] / x[2], x[0] ** 2 - x[1] * x[2], 2 * x[0] - 3, 5 - x[1] * x[2]
+    )
     function = ca.Function("f", [x], [y])
     points = rng.uniform(0.5, 2, (3, 100))
     program = contract(trace(function), [LANE])

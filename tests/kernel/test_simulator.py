@@ -72,7 +72,8 @@ def test_unknown_free_parameter_and_unfit_test_are_reported_together():
     drive = sine_drive(STATIC, hold="steps")
     with pytest.raises(InputError) as caught:
         Simulator(RELAXATION, [drive], ["tua"])
-    assert "Did you mean 'tau'" in str(caught.value) and "'steps'" in str(caught.value)
+    assert "Did you mean 'tau'" in str(caught.value)
+    assert "'steps'" in str(caught.value)
 
 
 def test_wrong_number_of_parameters_is_an_input_error():
