@@ -124,7 +124,8 @@ def _rule(rate: Array, explicit: Array, implicit: Array) -> Rule:
     order = np.argsort(rate[~hopeless], kind="stable")
     rate, explicit, implicit = (values[~hopeless][order] for values in (rate, explicit, implicit))
     share = float(np.mean(hopeless))
-    rungs, limits = [], []
+    rungs: list[Rung] = []
+    limits: list[float] = []
     for i in range(len(rate)):
         # what is stiffer needs no less: the most that any set up to here, and a little on, needed
         end = max(i + _AHEAD, int(np.searchsorted(rate, 1.5 * rate[i])))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import ctypes
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -150,7 +150,7 @@ class Runner:
     ) -> list[Array]:
         """The result of every block."""
         results = [np.empty(shape) for shape in shapes]
-        entries: dict[int, tuple[object, list[int]]] = {}
+        entries: dict[int, tuple[Callable[..., None], list[int]]] = {}
         records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
         alive: list[Table] = []
         for index, (block, result) in enumerate(zip(blocks, results, strict=True)):
@@ -176,12 +176,14 @@ class Runner:
             self._call(entry, np.ascontiguousarray(records[members]))
         return results
 
-    def _call(self, entry: object, records: NDArray[np.int64]) -> None:
+    def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         counter = ctypes.c_int64(0)
         arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
         if self._pool is None or len(records) == 1:
-            entry(*arguments)  # type: ignore[operator]
+            entry(*arguments)
             return
-        threads = [self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))]  # type: ignore[arg-type]
+        threads: list[Future[None]] = [
+            self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))
+        ]
         for thread in threads:
             thread.result()

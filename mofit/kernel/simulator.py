@@ -88,7 +88,7 @@ class Simulator:
         return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
 
     def cost(self, p: ArrayLike) -> Array:
-        r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T)."""
+        r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T); nan: failed."""
         return self._reduced(p, derivatives=False)[..., 0]
 
     def gauss_newton(self, p: ArrayLike) -> tuple[Array, Array, Array]:
@@ -106,7 +106,9 @@ class Simulator:
 
     def _reduced(self, p: ArrayLike, derivatives: bool) -> Array:
         p = self._checked(p)
-        return self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives)
+        sums = self._runner.reduced(p, self._stepping.choices(p, self.drives), derivatives)
+        sums[~np.isfinite(sums[..., 0])] = np.nan
+        return sums
 
     def _checked(self, p: ArrayLike) -> Array:
         p = np.ascontiguousarray(np.atleast_2d(np.asarray(p, dtype=float)))

@@ -1,0 +1,131 @@
+"""Against CVODES, anywhere in the box; derivatives against central differences."""
+
+import numpy as np
+import pytest
+from kernel_models import RELAXATION, sine_drive
+from reference import reference_outputs
+
+from mofit.kernel import Simulator
+from mofit.kernel.mesh import Rung
+from mofit.kernel.runner import Choice, Runner
+from mofit.kernel.steps import RK4, RODAS4
+from mofit.library.maxwell_tyre import MaxwellTyre
+from mofit.model import build_system
+
+TYRE = build_system(MaxwellTyre())
+LOWER, UPPER, NOMINAL = (
+    np.array([getattr(parameter, name) for parameter in MaxwellTyre.parameters])
+    for name in ("lower", "upper", "nominal")
+)
+DYNAMIC = ("d_y", "c_M", "d_M")
+ROLLING = (40 / 3.6, 1.0, 0.01)
+
+
+def tyre_drive(frequency, samples=100, degrees=1.0, **other):
+    return sine_drive(TYRE, frequency, samples, amplitude=np.deg2rad(degrees), conditions=ROLLING, scale=100.0, **other)
+
+
+def dynamic_box(**changes):
+    lower, upper = NOMINAL.copy(), NOMINAL.copy()
+    for name in DYNAMIC:
+        at = TYRE.parameters.index(name)
+        lower[at], upper[at] = changes.get(name, (LOWER[at], UPPER[at]))
+    return lower, upper
+
+
+def draws(lower, upper, unit):
+    """Values from the unit cube, logarithmic where bounds are positive."""
+    low, high = (np.where(lower > 0, np.log(np.where(lower > 0, bound, 1.0)), bound) for bound in (lower, upper))
+    values = low + unit * (high - low)
+    return np.where(lower > 0, np.exp(np.minimum(values, 50.0)), values)
+
+
+def worst(system, drive, outputs, p, **reference):
+    exact = reference_outputs(system, drive, p, **reference)
+    return np.max(np.abs(outputs - exact)) / np.ptp(exact)
+
+
+@pytest.mark.parametrize("frequency", [0.41, 3.93])
+def test_tyre_agrees_with_cvodes_throughout_its_box(frequency, rng):
+    lower, upper = dynamic_box()
+    corners = np.array(np.meshgrid(*[[0.0, 1.0]] * 3)).reshape(3, -1).T
+    unit = np.zeros((len(corners) + 6, len(NOMINAL)))
+    unit[:, -3:] = np.concatenate([corners, rng.uniform(size=(6, 3))])
+    p = draws(lower, upper, unit)
+    drive = tyre_drive(frequency)
+    (y,) = Simulator(TYRE, [drive], DYNAMIC, box=(lower, upper)).simulate(p)
+    assert max(worst(TYRE, drive, y[i], p[i], scale=1e-4) for i in range(len(p))) < 1e-6
+
+
+def test_stiff_corner_agrees_with_cvodes():
+    # T_M = d_M / c_M from 1e-7 s to 10 s at a sampling interval of 0.01 s
+    lower, upper = dynamic_box(d_M=(5e-3, 6e4))
+    drive = tyre_drive(2.03)
+    p = np.tile(NOMINAL, (6, 1))
+    p[:, TYRE.parameters.index("d_M")] = [5e-3, 1.0, 20.0, 100.0, 1000.0, 6e4]
+    simulator = Simulator(TYRE, [drive], DYNAMIC, box=(lower, upper))
+    (y,) = simulator.simulate(p)
+    errors = [worst(TYRE, drive, y[i], p[i], scale=1e-4) for i in range(len(p))]
+    assert max(errors) < 1e-6
+    assert simulator.rules[0].rungs[-1].scheme is RODAS4
+
+
+def test_all_parameters_of_the_tyre_agree_with_cvodes(rng):
+    drive = tyre_drive(1.07)
+    p = draws(LOWER, UPPER, rng.uniform(0.1, 0.9, size=(8, len(LOWER))))
+    # a spring that softens without end has no bounded solution to compare with
+    p[:, TYRE.parameters.index("p_y")] = rng.uniform(-5, 20, 8)
+    (y,) = Simulator(TYRE, [drive], box=(LOWER, UPPER)).simulate(p)
+    assert max(worst(TYRE, drive, y[i], p[i], scale=1e-4) for i in range(len(p))) < 1e-6
+
+
+@pytest.mark.parametrize("hold", ["cubic", "linear"])
+def test_without_a_box_every_set_is_measured(hold):
+    drive = sine_drive(RELAXATION, 2.0, 80, hold=hold)
+    p = np.array([[1e-5, 2.0, 0.5], [1e-3, 2.0, 0.5], [0.05, 1.0, -1.0], [5.0, 1.0, 0.2]])
+    (y,) = Simulator(RELAXATION, [drive]).simulate(p)
+    assert max(worst(RELAXATION, drive, y[i], p[i]) for i in range(len(p))) < 1e-6
+
+
+@pytest.mark.parametrize("scheme", [RK4, RODAS4], ids=["RK4", "RODAS4"])
+def test_tyre_derivatives_agree_with_central_differences(scheme):
+    drive = tyre_drive(3.1)
+    runner = Runner(TYRE, [drive], TYRE.parameters, jobs=1)
+    choice = [Choice((Rung(scheme, 2),), np.zeros(2 * len(NOMINAL) + 1, dtype=np.intp))]
+    step = 1e-5
+    shifts = np.diag(step * NOMINAL)
+    values = runner.stored(np.concatenate([NOMINAL[None], NOMINAL + shifts, NOMINAL - shifts]), choice, True)[0]
+    up, down = np.split(values[1:, ..., 0], 2)
+    for j in range(len(NOMINAL)):
+        difference = (up[j] - down[j]) / (2 * step * NOMINAL[j])
+        error = np.max(np.abs(values[0, ..., 1 + j] - difference))
+        assert error < 1e-6 * np.max(np.abs(difference)), TYRE.parameters[j]
+
+
+@pytest.mark.parametrize("scheme", [RK4, RODAS4], ids=["RK4", "RODAS4"])
+def test_gradient_of_the_cost_agrees_with_central_differences(scheme):
+    drive = tyre_drive(1.3)
+    runner = Runner(TYRE, [drive], DYNAMIC, jobs=1)
+    at = [TYRE.parameters.index(name) for name in DYNAMIC]
+    choice = [Choice((Rung(scheme, 1),), np.zeros(1, dtype=np.intp))]
+    gradient = runner.reduced(NOMINAL[None], choice, True)[0, 0, 1:4]
+    for j, index in enumerate(at):
+        ends = []
+        for sign in (1, -1):
+            p = NOMINAL.copy()
+            p[index] *= 1 + sign * 1e-4
+            ends.append(runner.reduced(p[None], choice, False)[0, 0, 0])
+        difference = (ends[0] - ends[1]) / (2e-4 * NOMINAL[index]) / 2
+        assert gradient[j] == pytest.approx(
+            difference, rel=1e-6, abs=1e-6 * np.max(np.abs(gradient * NOMINAL[at])) / NOMINAL[index]
+        )
+
+
+@pytest.mark.parametrize(("scheme", "order"), [(RK4, 4), (RODAS4, 4)], ids=["RK4", "RODAS4"])
+def test_order_of_convergence(scheme, order):
+    drive = sine_drive(RELAXATION, 1.0, 50, step=0.1)
+    runner = Runner(RELAXATION, [drive], RELAXATION.parameters, jobs=1)
+    p = np.array([[0.4, 1.0, 0.5]])
+    y = [runner.stored(p, [Choice((Rung(scheme, n),), np.zeros(1, dtype=np.intp))], False)[0] for n in (2, 4, 64)]
+    ratio = np.max(np.abs(y[0] - y[2])) / np.max(np.abs(y[1] - y[2]))
+    assert np.log2(ratio) > order - 0.5
