@@ -99,8 +99,8 @@ def effa(
     .. math:: x_i \leftarrow x_i + \beta e^{-\gamma |x_i - x_j|} (x_j - x_i) + \alpha \delta^t (\epsilon - 1/2),
 
     with :math:`x_j` where it was when the iteration began and :math:`\epsilon` uniform in the unit cube, and is then
-    clipped to the box; the moved fireflies are evaluated in one call. After every `epoch` iterations the best of each cluster
-    is stored and the whole swarm clustered anew (see `cluster`); the bests of the last clusters are stored as well.
+    clipped to the box; the moved fireflies are evaluated in one call. After every `epoch` iterations the best of each
+    cluster is stored and the whole swarm clustered anew (see `cluster`); the bests of the last clusters are stored too.
 
     Parameters
     ----------

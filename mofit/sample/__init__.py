@@ -1,0 +1,22 @@
+"""Sampling: the posterior around each minimum, with independent ensembles of emcee."""
+
+from mofit.sample.chains import Chains
+from mofit.sample.convergence import autocorrelation_time, effective_size, r_hat
+from mofit.sample.draws import Draws
+from mofit.sample.evidence import laplace_log_evidence, mode_weights
+from mofit.sample.gaussian import laplace_covariance
+from mofit.sample.sample import sample_mode
+from mofit.sample.settings import SampleSettings
+
+__all__ = [
+    "Chains",
+    "Draws",
+    "SampleSettings",
+    "autocorrelation_time",
+    "effective_size",
+    "laplace_covariance",
+    "laplace_log_evidence",
+    "mode_weights",
+    "r_hat",
+    "sample_mode",
+]

@@ -1,0 +1,121 @@
+"""The chains of one mode and how far they can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.parameters import Array
+from mofit.sample.convergence import autocorrelation_time, effective_size, r_hat
+from mofit.sample.draws import Draws, thin
+from mofit.sample.run import Run
+from mofit.sample.settings import SampleSettings
+from mofit.sample.strays import strays
+
+
+@dataclass(frozen=True)
+class Chains:
+    """Production chains of one mode in unit coordinates, with their convergence numbers.
+
+    Parameters
+    ----------
+    chain, log_prob
+        Raw steps, shapes (ensemble, step, walker, d) and (ensemble, step, walker).
+    acceptance
+        Share of accepted proposals, shape (ensemble,).
+    tau
+        Autocorrelation time in steps, per parameter the largest of the ensembles, shape (d,).
+    ess, r_hat
+        Effective number and rank-normalised split R-hat of `thinned` draws, shape (d,): what ArviZ shows for them.
+    discard
+        First steps left out of the draws: two autocorrelation times.
+    stuck, left
+        Walkers that did not move, or went over to another mode (see `strays`), shape (ensemble, walker). They are left
+        out of the draws.
+    converged, reasons
+        Whether every requirement of the settings is met, and if not, which are not.
+    burn_in
+        Steps of burn-in per ensemble (not in `chain`).
+    evaluations
+        Log posteriors computed in all.
+    """
+
+    chain: Array
+    log_prob: Array
+    acceptance: Array
+    tau: Array
+    ess: Array
+    r_hat: Array
+    discard: int
+    stuck: NDArray[np.bool_]
+    left: NDArray[np.bool_]
+    converged: bool
+    reasons: tuple[str, ...]
+    burn_in: int
+    evaluations: int
+
+    @property
+    def steps(self) -> int:
+        """Production steps per ensemble."""
+        return self.chain.shape[1]
+
+    def thinned(self) -> Draws:
+        """Nearly independent draws: every ceil(tau)-th step of the walkers that stayed."""
+        return _draws(self.chain, self.log_prob, self.stuck | self.left, self.tau, self.discard)
+
+
+def assess(run: Run, settings: SampleSettings) -> Chains:
+    """Convergence of a run as it stands."""
+    chain = np.stack([ensemble.chain for ensemble in run.ensembles])
+    log_prob = np.stack([ensemble.chain_log_prob for ensemble in run.ensembles])
+    steps = chain.shape[1]
+    tau = np.max([autocorrelation_time(part) for part in chain], axis=0)
+    stuck, left = strays(chain, log_prob, float(tau.max()))
+    stray = stuck | left
+    if stray.any():
+        kept = [part[:, ~gone] for part, gone in zip(chain, stray, strict=True) if not gone.all()]
+        tau = np.max([autocorrelation_time(part) for part in kept], axis=0) if kept else tau
+    longest = float(tau.max())
+    discard = int(min(np.ceil(2 * longest), steps // 2)) if np.isfinite(longest) else steps // 2
+    points = _draws(chain, log_prob, stray, tau, discard).points
+    ess, mixing = effective_size(points), r_hat(points)
+
+    share = float(stray.mean())
+    usable, wanted = steps - discard, settings.tau_multiple * longest
+    change = abs(longest - run.tau) / longest if np.isfinite(longest) else np.inf
+    requirements = [
+        (usable > wanted, f"{usable} steps are fewer than {settings.tau_multiple:g} tau = {wanted:.0f}"),
+        (change <= settings.tau_change, f"tau still changes (from {run.tau:.3g} to {longest:.3g} steps)"),
+        (bool(np.all(mixing <= settings.max_r_hat)), f"R-hat is {np.max(mixing):.4f}, above {settings.max_r_hat:g}"),
+        (bool(np.all(ess >= settings.min_ess)), f"ESS is {np.min(ess):.0f}, below {settings.min_ess:g}"),
+        (
+            share <= settings.max_strays,
+            f"{int(stuck.sum())} walkers stuck and {int(left.sum())} of {stray.size} left for another mode",
+        ),
+    ]
+    reasons = tuple(reason for fine, reason in requirements if not fine)
+    return Chains(
+        chain=chain,
+        log_prob=log_prob,
+        acceptance=np.array([ensemble.accepted.mean() / max(steps, 1) for ensemble in run.ensembles]),
+        tau=tau,
+        ess=ess,
+        r_hat=mixing,
+        discard=discard,
+        stuck=stuck,
+        left=left,
+        converged=not reasons,
+        reasons=reasons,
+        burn_in=run.rounds * settings.round_steps,
+        evaluations=run.evaluations,
+    )
+
+
+def _draws(chain: Array, log_prob: Array, stray: NDArray[np.bool_], tau: Array, discard: int) -> Draws:
+    longest = float(tau.max())
+    steps = max(chain.shape[1] - discard, 1)
+    every = int(np.ceil(min(longest, steps)))  # at least one draw per walker, even of a chain too short for its tau
+    home = np.where(stray.all(axis=1, keepdims=True), True, ~stray)
+    return thin(chain, log_prob, home, every, discard)

@@ -1,0 +1,102 @@
+"""Sampling the posterior around one minimum with emcee, until it has converged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mofit.parameters import Array
+from mofit.sample.chains import Chains, assess
+from mofit.sample.ensemble import LogPosterior, safe
+from mofit.sample.run import Run, begin, burn_in, extend, produce
+from mofit.sample.settings import SampleSettings
+from mofit.sample.storage import Store, origin
+
+Progress = Callable[[int, int, str], None]
+"""Called as ``progress(done, total, note)``."""
+
+
+def sample_mode(
+    log_posterior: LogPosterior,
+    centre: ArrayLike,
+    covariance: ArrayLike,
+    seed: int | Sequence[int],
+    settings: SampleSettings | None = None,
+    *,
+    backend_path: str | Path | None = None,
+    mode: str = "c1",
+    progress: Progress | None = None,
+) -> Chains:
+    """Sample a posterior from one of its minima.
+
+    Several independent ensembles of emcee start from the Gaussian of the Laplace approximation. During burn-in, a
+    Student-t proposal is fitted to the walkers of all ensembles after each round, then frozen. Production goes on in
+    chunks until all requirements of the settings hold (length in autocorrelation times, their steadiness, R-hat between
+    the ensembles, effective draws, walkers that stayed), or `max_steps`.
+
+    Parameters
+    ----------
+    log_posterior
+        Maps points (n, d) in unit coordinates to (n,). Not asked outside the cube; nan counts as -inf.
+    centre, covariance
+        The minimum (d,) and the covariance there (d, d), see `laplace_covariance`.
+    seed
+        Seed, or seeds, of all randomness. Each ensemble gets a child of it.
+    settings
+        See `SampleSettings`.
+    backend_path
+        File of chains, rewritten atomically after each chunk. If it holds this mode already, that run is continued, and
+        ends in the same numbers as if it had not been interrupted.
+    mode
+        Name of the mode, its group in the file.
+    progress
+        Called as ``progress(steps, max_steps, note)``.
+
+    Raises
+    ------
+    InputError
+        If the posterior vanishes around the centre, or if the file holds a run with other settings.
+
+    References
+    ----------
+    Foreman-Mackey, Hogg, Lang, Goodman: emcee, the MCMC hammer (2013).
+    """
+    settings = settings or SampleSettings()
+    target = safe(log_posterior)
+    middle, spread = np.asarray(centre, dtype=float), np.asarray(covariance, dtype=float)
+    store = _store(backend_path, mode, middle, seed, settings)
+    run = store.load() if store else None
+    if run is None:
+        run = begin(target, middle, spread, np.random.SeedSequence(seed), settings)
+    while not run.settled:
+        run = _kept(burn_in(target, run, settings), store)
+        if progress is not None:
+            progress(0, settings.max_steps, f"{mode}: burn-in round {run.rounds}, mean log posterior {run.level:.2f}")
+    if not run.producing:
+        run = produce(run)
+    while True:
+        chains = assess(run, settings)
+        if progress is not None:
+            progress(run.steps, settings.max_steps, f"{mode}: {'; '.join(chains.reasons) or 'converged'}")
+        if chains.converged or run.steps >= settings.max_steps:
+            return chains
+        steps = min(max(settings.chunk, run.steps // 10), settings.max_steps - run.steps)
+        run = _kept(extend(target, run, settings, steps, float(chains.tau.max())), store)
+
+
+def _store(
+    path: str | Path | None, mode: str, centre: Array, seed: int | Sequence[int], settings: SampleSettings
+) -> Store | None:
+    if path is None:
+        return None
+    return Store(Path(path), mode, origin(seed=seed, settings=asdict(settings), dimension=len(centre)), centre)
+
+
+def _kept(run: Run, store: Store | None) -> Run:
+    if store is not None:
+        store.save(run)
+    return run

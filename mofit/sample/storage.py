@@ -1,0 +1,147 @@
+"""Checkpoints: every chain of a run in one HDF5 file that emcee can open, replaced whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import emcee
+import h5py
+import numpy as np
+
+from mofit.errors import InputError
+from mofit.parameters import Array
+from mofit.sample.ensemble import Ensemble
+from mofit.sample.run import Run
+
+
+@dataclass(frozen=True)
+class Store:
+    """A place for one mode in a file of chains.
+
+    Each ensemble is a group ``<mode>/ensemble<k>`` in the layout of `emcee.backends.HDFBackend`; the attributes of
+    ``<mode>`` hold what else a continuation needs.
+
+    Parameters
+    ----------
+    path
+        The file; other modes in it are kept.
+    mode
+        Group of the mode, e.g. ``"c1"``.
+    origin
+        What the numbers depend on (seed, settings ...), as JSON. A stored mode is only continued if it agrees.
+    centre
+        The minimum that the mode was started from, shape (d,).
+    """
+
+    path: Path
+    mode: str
+    origin: str
+    centre: Array
+
+    def save(self, run: Run) -> None:
+        """Write the mode, keeping the others: a new file, flushed to disk, takes the place of the old one."""
+        temporary = self.path.with_name(f".{self.path.name}.tmp")  # one name: what a killed run left is reused
+        try:
+            with h5py.File(temporary, "w") as new:
+                if self.path.exists():
+                    with h5py.File(self.path, "r") as old:
+                        for name in old:
+                            if name != self.mode:
+                                old.copy(name, new)
+                self._write(new.create_group(self.mode), run)
+            with temporary.open("rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(temporary, self.path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def load(self) -> Run | None:
+        """The stored state of the mode, or None if there is none.
+
+        Raises
+        ------
+        InputError
+            If the file is no HDF5 file, or holds this mode from another seed, other settings or another start.
+        """
+        if not self.path.exists():
+            return None
+        try:
+            file = h5py.File(self.path, "r")
+        except OSError as error:
+            raise InputError.of(
+                f"file '{self.path}'", f"cannot be read: {error}", "Remove it to start afresh"
+            ) from error
+        with file:
+            if self.mode not in file:
+                return None
+            group = file[self.mode]
+            centre = np.asarray(group.attrs["centre"])
+            same_start = centre.shape == self.centre.shape and np.allclose(centre, self.centre, atol=1e-6)
+            if group.attrs["origin"] != self.origin or not same_start:
+                raise InputError.of(
+                    f"file '{self.path}', mode '{self.mode}'",
+                    "it was sampled with another seed, other settings or from another minimum",
+                    "Repeat the first run's command, or remove the file to start afresh",
+                )
+            return _read(group)
+
+    def _write(self, group: h5py.Group, run: Run) -> None:
+        group.attrs["origin"] = self.origin
+        group.attrs["centre"] = self.centre
+        group.attrs["mean"] = run.mean
+        group.attrs["scale"] = run.scale
+        for name in ("rounds", "level", "settled", "producing", "tau", "evaluations"):
+            group.attrs[name] = getattr(run, name)
+        for number, ensemble in enumerate(run.ensembles):
+            _write_ensemble(group.create_group(f"ensemble{number}"), ensemble)
+
+
+def origin(**facts: object) -> str:
+    """The facts that a chain depends on, as canonical JSON."""
+    return json.dumps(facts, sort_keys=True, default=str)
+
+
+def _write_ensemble(group: h5py.Group, ensemble: Ensemble) -> None:
+    """The layout of emcee 3's HDFBackend."""
+    group.attrs["version"] = emcee.__version__
+    group.attrs["nwalkers"], group.attrs["ndim"] = ensemble.positions.shape
+    group.attrs["has_blobs"] = False
+    group.attrs["iteration"] = len(ensemble.chain)
+    for number, part in enumerate(ensemble.random_state):
+        group.attrs[f"random_state_{number}"] = part
+    group["accepted"] = ensemble.accepted
+    group["chain"] = ensemble.chain
+    group["log_prob"] = ensemble.chain_log_prob
+    group["positions"] = ensemble.positions
+    group["positions_log_prob"] = ensemble.log_prob
+
+
+def _read(group: h5py.Group) -> Run:
+    names = sorted((name for name in group if name.startswith("ensemble")), key=lambda name: int(name[8:]))
+    attributes = group.attrs
+    return Run(
+        ensembles=tuple(_read_ensemble(group[name]) for name in names),
+        mean=np.asarray(attributes["mean"]),
+        scale=np.asarray(attributes["scale"]),
+        rounds=int(attributes["rounds"]),
+        level=float(attributes["level"]),
+        settled=bool(attributes["settled"]),
+        producing=bool(attributes["producing"]),
+        tau=float(attributes["tau"]),
+        evaluations=int(attributes["evaluations"]),
+    )
+
+
+def _read_ensemble(group: h5py.Group) -> Ensemble:
+    count = sum(name.startswith("random_state_") for name in group.attrs)
+    return Ensemble(
+        positions=group["positions"][...],
+        log_prob=group["positions_log_prob"][...],
+        random_state=tuple(group.attrs[f"random_state_{number}"] for number in range(count)),
+        chain=group["chain"][...],
+        chain_log_prob=group["log_prob"][...],
+        accepted=group["accepted"][...],
+    )
