@@ -1,6 +1,8 @@
 """``python -m mofit`` is the command ``mofit``."""
 
+import sys
+
 from mofit.cli import main
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

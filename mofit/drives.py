@@ -58,7 +58,7 @@ def to_drive(model: Model, measurement: Measurement, record: Record, settled: bo
     derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
     for name in derived:
         # the smoothed signal goes with its derivative, so that both describe one motion
-        smooth, slope = smooth_derivative(procedure.time, measurement.channel(name), record.noise_sd.get(name))
+        smooth, slope = smooth_derivative(procedure.time, measurement.channel(name))
         columns[name] = smooth
         columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
     inputs = np.stack([columns[channel.name] for channel in model.inputs], axis=1)
