@@ -13,7 +13,7 @@ from mofit.errors import Fault, InputError, did_you_mean
 from mofit.labels import KINDS
 from mofit.readers.map_file import Quantity
 
-DOCS = "docs/campaigns.md lists every key"
+DOCS = "docs/models.md lists every key"
 
 #: keys that a test of a kind needs, beside name, kind and sample_rate
 NEEDED = {
@@ -168,8 +168,8 @@ def _fault(where: str, problem: Mapping[str, Any]) -> Fault:
     place = f"{where}, {'.'.join(parts)}" if parts else where
     if problem["type"] == "extra_forbidden":
         top = problem["loc"][0]
-        kinds = {"tests": TestPlan, "effects": EffectPlan, "noise": NoisePlan}
-        known = kinds[str(top)].model_fields if len(parts) > 1 and top in kinds else [*Plan.model_fields, "defaults"]
+        kinds: dict[object, type[BaseModel]] = {"tests": TestPlan, "effects": EffectPlan, "noise": NoisePlan}
+        known = [*kinds[top].model_fields] if len(parts) > 1 and top in kinds else [*Plan.model_fields, "defaults"]
         return Fault(place, "unknown key", did_you_mean(parts[-1], known))
     if problem["type"] == "missing":
         return Fault(place, "missing", f"Add it; {DOCS}")
