@@ -121,4 +121,4 @@ def _table(run: Run, stages: list[Stage]) -> Table:
             first = [stage.name.replace("_", " "), stage.tests, percent(stage.nrmsd)] if k == 0 else ["", "", ""]
             value, sd = float(stage.value[k]), float(stage.sd[k])
             rows.append([*first, symbol(name), with_sd(value, sd), number(sd, 2), "" if unit == "1" else unit])
-    return Table(["Stage", "Tests", "NRMSD", "Parameter", "Value", "sd", "Unit"], rows)
+    return Table(["Stage", "Tests", "NRMSD", "Parameter", "Value", "sd", "Unit"], rows, left=[1, 6])

@@ -97,7 +97,9 @@ def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance
     for k, name in enumerate(traces.parameters):
         tau, ess, r_hat = table["tau"][k], table["ess"][k], table["r_hat"][k]
         lengths = length / tau if tau > 0 else np.nan
-        good = bool(r_hat < R_HAT_LIMIT and ess >= ESS_LIMIT and not lengths < LENGTH_LIMIT)
+        verdict = badge("good", "good") if not lengths < LENGTH_LIMIT else badge("short chains", "fair")
+        if not (r_hat < R_HAT_LIMIT and ess >= ESS_LIMIT):
+            verdict = badge("not converged", "bad")
         rows.append(
             [
                 symbol(name),
@@ -105,7 +107,7 @@ def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance
                 number(lengths),
                 count(ess) if np.isfinite(ess) else "–",
                 number(r_hat, 4),
-                badge("good", "good") if good else badge("look closer", "bad"),
+                verdict,
             ]
         )
     rates = ", ".join(f"{100 * rate:.0f}{THIN}%" for rate in acceptance)

@@ -7,12 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter, NullLocator
 
 from mofit.report.display import compact, display_unit, key, number, percent
 from mofit.report.page import Block, Figure, Section, Table
 from mofit.report.run import Array, Run, numbers
-from mofit.report.style import BASELINE, FLOOR, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
+from mofit.report.style import (
+    BASELINE,
+    FLOOR,
+    cluster_colour,
+    few_ticks,
+    image_of,
+    legend_above,
+    legend_height,
+    line_key,
+    panels,
+)
 
 _LOG_FROM = 12.0
 """Ratio of the largest to the smallest error from which the axis is logarithmic."""
@@ -79,6 +89,8 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
     if values.size and values.max() > _LOG_FROM * values.min():
         axes.set_yscale("log")
         axes.set_ylim(0.5 * values.min(), 1.5 * values.max())
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_minor_locator(NullLocator())
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     else:
         axes.set_ylim(bottom=0)
@@ -109,13 +121,13 @@ def _figure(errors: Errors) -> Figure:
     distinct = len(set(errors.frequency[periodic])) == periodic.sum() > 1
     groups = [(periodic, True), (~periodic, False)] if distinct else [(np.ones_like(periodic), False)]
     groups = [group for group in groups if group[0].any()]
-    canvas, axes, _ = panels(len(groups), 2, 2.7, margin=(0.65, 0.75, 0.15, 0.45))
-    for (chosen, over_frequency), panel in zip(groups, axes, strict=True):
-        draw_errors(errors, chosen, over_frequency, panel)
     handles = [line_key(cluster_colour(k), f"model, {name}", marker="o") for k, name in enumerate(errors.models)]
     if errors.baseline_title:
         handles.append(line_key(BASELINE, errors.baseline_title, marker="s", ls="--"))
     handles.append(line_key(FLOOR, "noise floor", lw=5, alpha=0.5))
+    canvas, axes, _ = panels(len(groups), len(groups), 2.7, margin=(0.65, 0.75, 0.15, legend_height(len(handles))))
+    for (chosen, over_frequency), panel in zip(groups, axes, strict=True):
+        draw_errors(errors, chosen, over_frequency, panel)
     legend_above(canvas, handles)
     return Figure(
         image_of(canvas),
@@ -152,7 +164,7 @@ def _table(run: Run, errors: Errors) -> Table:
         floor = errors.noise_floor[k]
         row.append(f"{number(best[k] / floor)}×" if floor > 0 and np.isfinite(best[k]) else "–")
         rows.append(row)
-    return Table(columns, rows, "NRMSD per test. “Model / floor” compares the best solution with the noise.")
+    return Table(columns, rows, "NRMSD per test. “Model / floor” compares the best solution with the noise.", left=[1])
 
 
 def _amplitude(run: Run, test: str, value: float) -> str:

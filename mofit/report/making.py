@@ -51,14 +51,16 @@ def making_section(run: Run) -> Section:
     ]
     settings = [[name, _left(text)] for name, text in flattened(configuration)]
     blocks: list[Block] = [
-        Table(["", ""], facts),
+        Table([], facts, left=[1]),
         Table(
             ["Stage", "Seconds", "Evaluations"],
             work,
             "Wall time and model evaluations (one evaluation: all tests once).",
         ),
-        Details("Settings", [Table(["Setting", "Value"], settings)]),
-        Details("Library versions", [Table(["Library", "Version"], [[n, str(v)] for n, v in versions.items()])]),
+        Details("Settings", [Table(["Setting", "Value"], settings, left=[1])]),
+        Details(
+            "Library versions", [Table(["Library", "Version"], [[n, str(v)] for n, v in versions.items()], left=[1])]
+        ),
     ]
     data = {"facts": {name: str(attrs[name]) for name in _FACTS}, "seconds": seconds, "evaluations": evaluations}
     return Section("making", "How this was made", blocks, data | {"configuration": configuration, "versions": versions})

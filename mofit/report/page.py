@@ -29,11 +29,16 @@ class Raw:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; the first column names the row, cells are text that is escaped unless it is `Markup`."""
+    """A table; the first column names the row, cells are escaped unless they are `Markup`.
+
+    The columns at the places in `left` hold words and are aligned left, the others hold numbers. Without `columns` the
+    table has no head.
+    """
 
     columns: Sequence[Markup | str]
     rows: Sequence[Sequence[Markup | str]]
     caption: Markup | str = ""
+    left: Sequence[int] = ()
     kind: str = "table"
 
 

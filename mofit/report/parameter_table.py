@@ -87,7 +87,11 @@ def _table(run: Run, estimates: list[Estimate], cluster: Cluster) -> Table:
                 f"{compact(float(lower[k]))} … {compact(float(upper[k]))}",
                 bound,
                 "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.0f}{THIN}%",
-                badge(e.verdict or {"good": "identified", "bad": "not pinned"}.get(e.grade, e.grade), e.grade),
+                badge(
+                    e.verdict
+                    or {"good": "identified", "bad": "not pinned", "unknown": "not sampled"}.get(e.grade, e.grade),
+                    e.grade,
+                ),
             ]
         )
     columns = [
@@ -117,4 +121,5 @@ def _others(run: Run, names: list[str]) -> Table:
         ["Parameter", "Value", "Unit", "Role", "Description"],
         rows,
         "Parameters that were not searched: found in an earlier calibration stage, or held fixed.",
+        left=[2, 3, 4],
     )

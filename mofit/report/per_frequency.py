@@ -65,7 +65,7 @@ def extract_per_test(run: Run) -> PerTest | None:
 
 
 def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool, axes: Axes) -> Axes:
-    """One parameter over frequency (or test): best minimum filled, ± sd, others hollow, the joint estimate as a band."""
+    """One parameter over frequency (or test): best minimum filled, ± sd, others hollow, a band for the joint one."""
     frequency = found.frequency
     over_frequency = bool(np.isfinite(frequency).all() and len(set(frequency)) == frequency.size > 1)
     x = frequency if over_frequency else np.arange(len(found.tests), dtype=float)

@@ -146,11 +146,14 @@ def posterior_section(run: Run) -> Section | None:
     data = {}
     for cluster in sampled:
         matrix, directions = correlation(run, cluster), open_directions(run, cluster)
-        corner = extract_corner(run, cluster)
         data[cluster.name] = {"parameters": cluster.parameters, "correlation": matrix, "open_directions": directions}
-        panes[tab_title(cluster)] = [Text(_words(cluster, matrix, directions)), corner_figure(corner, cluster)]
-    blocks: list[Block] = [_figure(run, marginals), *tabs(panes)]
-    return Section("posterior", "Posterior", blocks, {"marginals": marginals, "clusters": data})
+        blocks: list[Block] = [Text(_words(cluster, matrix, directions))]
+        if len(cluster.parameters) > 1:
+            blocks.append(corner_figure(extract_corner(run, cluster), cluster))
+        panes[tab_title(cluster)] = blocks
+    return Section(
+        "posterior", "Posterior", [_figure(run, marginals), *tabs(panes)], {"marginals": marginals, "clusters": data}
+    )
 
 
 def _words(cluster: Cluster, matrix: Array, directions: list[Direction]) -> Markup:
@@ -185,6 +188,8 @@ def _words(cluster: Cluster, matrix: Array, directions: list[Direction]) -> Mark
                 "Open direction: moving {} changes the fit little; along it the posterior is {} as wide as the prior."
             )
             sentences.append(Markup(text).format(listed(moving), share))
+    if not sentences and len(names) == 1:
+        return Markup("The data pin {}.").format(symbol(names[0]))
     if not sentences:
         return Markup(
             "No two parameters are strongly correlated (all below {}), and no direction is left open."
@@ -193,7 +198,7 @@ def _words(cluster: Cluster, matrix: Array, directions: list[Direction]) -> Mark
 
 
 def _figure(run: Run, marginals: list[Marginal]) -> Figure:
-    canvas, axes, _ = panels(len(marginals), 4, 1.5, margin=(0.3, 0.4, 0.3, 0.95), gap=(0.35, 1.05))
+    canvas, axes, _ = panels(len(marginals), 4, 1.5, margin=(0.3, 0.4, 0.3, 1.05), gap=(0.35, 1.05))
     colours = {c.name: cluster_colour(c.index) for c in run.shown}
     for marginal, panel in zip(marginals, axes, strict=True):
         draw_marginal(marginal, colours, panel)

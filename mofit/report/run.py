@@ -77,7 +77,7 @@ class Cluster:
 
     @cached_property
     def grades(self) -> list[str]:
-        """Whether the data pin each parameter: ``good``, ``fair`` or ``bad``.
+        """Whether the data pin each parameter: ``good``, ``fair``, ``bad``, or ``unknown`` where nothing was sampled.
 
         The verdict speaks where there is one; otherwise the contraction does (the posterior must be less than half as
         wide as the prior), and a bound that is hit.
@@ -91,6 +91,8 @@ class Cluster:
             elif verdict:
                 plain = verdict.lower().startswith("identified") or "well" in verdict.lower()
                 grades.append("good" if plain else "fair" if "weak" in verdict.lower() else "bad")
+            elif np.isnan(contraction):
+                grades.append("unknown")
             else:
                 grades.append("bad" if contraction < 0.5 else "good")
         return grades

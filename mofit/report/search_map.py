@@ -8,11 +8,22 @@ from itertools import combinations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
 
 from mofit.report.display import count, math_symbol, number
 from mofit.report.page import Block, Figure, Section, Text
 from mofit.report.run import Array, Run, labels, numbers
-from mofit.report.style import FLOOR, MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
+from mofit.report.style import (
+    FLOOR,
+    MEASURED,
+    cluster_colour,
+    few_ticks,
+    image_of,
+    legend_above,
+    legend_height,
+    line_key,
+    panels,
+)
 
 _COLOURS = "viridis"
 
@@ -177,11 +188,12 @@ def search_section(run: Run) -> Section | None:
             Text(
                 f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the box and "
                 f"stored "
-                f"{len(found.stored)} cluster bests; {len(run.clusters)} distinct minima remained after refinement."
+                f"{len(found.stored)} cluster bests; distinct minima that remained after refinement: "
+                f"{len(run.clusters)}."
             )
         )
         blocks.append(_map(run, found))
-    if front is not None:
+    if front is not None and len(front.objectives) > 1:
         blocks.append(_parallel(run, front))
     if not blocks:
         return None
@@ -191,7 +203,9 @@ def search_section(run: Run) -> Section | None:
 def _map(run: Run, found: SearchMap) -> Figure:
     log = run.is_log(found.parameters)
     chosen: list[tuple[int, int | None]] = [*pairs(len(found.parameters))] or [(0, None)]
-    canvas, axes, _ = panels(len(chosen), 3, 2.7, margin=(0.75, 0.55, 0.15, 0.5), gap=(0.85, 0.75))
+    handles = _handles(found)
+    top = legend_height(len(handles))
+    canvas, axes, _ = panels(len(chosen), 3, 2.7, margin=(0.75, 0.55, 0.15, top), gap=(0.85, 0.75))
     for (x, y), panel in zip(chosen, axes, strict=True):
         draw_search(found, x, y, log, panel)
         for axis, k in (("x", x), ("y", y)):
@@ -199,16 +213,7 @@ def _map(run: Run, found: SearchMap) -> Figure:
                 name = found.parameters[k]
                 unit = run.unit(name)
                 getattr(panel, f"set_{axis}label")(math_symbol(name) + ("" if unit == "1" else f" ({unit})"))
-    handles = [
-        line_key(cluster_colour(k), f"solution {n}", ls="none", marker="*", ms=11) for k, n in enumerate(found.minima)
-    ]
-    handles.append(line_key("#440154", "evaluated: good", ls="none", marker="o", ms=4))
-    handles.append(line_key("#c5d93a", "evaluated: poor", ls="none", marker="o", ms=4))
-    if len(found.stored):
-        handles.append(line_key(MEASURED, "stored best", ls="none", marker="s", mfc="none"))
-    if len(found.fireflies):
-        handles.append(line_key("#57606a", "final swarm", ls="none", marker="^", mfc="none", ms=5))
-    legend_above(canvas, handles[:12])
+    legend_above(canvas, handles)
     return Figure(
         image_of(canvas),
         "Evaluated points, stored bests and solutions over pairs of parameters",
@@ -219,18 +224,33 @@ def _map(run: Run, found: SearchMap) -> Figure:
     )
 
 
+def _handles(found: SearchMap) -> list[Line2D]:
+    handles = [
+        line_key(cluster_colour(k), f"solution {n}", ls="none", marker="*", ms=11) for k, n in enumerate(found.minima)
+    ]
+    handles.append(line_key("#440154", "evaluated: good", ls="none", marker="o", ms=4))
+    handles.append(line_key("#c5d93a", "evaluated: poor", ls="none", marker="o", ms=4))
+    if len(found.stored) and len(found.parameters) > 1:
+        handles.append(line_key(MEASURED, "stored best", ls="none", marker="s", mfc="none"))
+    if len(found.fireflies) and len(found.parameters) > 1:
+        handles.append(line_key("#57606a", "final swarm", ls="none", marker="^", mfc="none", ms=5))
+    return handles
+
+
 def _parallel(run: Run, front: Front) -> Figure:
     order = np.argsort(-front.nrmsd.mean(axis=1))
-    canvas, (left, right), _ = panels(2, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
+    both = len(front.parameters) > 1
+    canvas, axes, _ = panels(1 + both, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
     minima = {name: 100 * value for name, value in front.minima_nrmsd.items()}
-    draw_front(100 * front.nrmsd[order], minima, front.objectives, left)
+    left = draw_front(100 * front.nrmsd[order], minima, front.objectives, axes[0])
     left.plot(np.arange(len(front.objectives)), 100 * front.noise_floor, color=FLOOR, lw=2)
     left.set_ylabel("NRMSD (%)")
     left.set_ylim(0, 1.05 * 100 * float(np.nanmax(front.nrmsd)))
-    labels = [math_symbol(name) for name in front.parameters]
-    draw_front(front.place[order], front.minima_place, labels, right)
-    right.set_ylim(-0.02, 1.02)
-    right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
+    if both:
+        names = [math_symbol(name) for name in front.parameters]
+        right = draw_front(front.place[order], front.minima_place, names, axes[1])
+        right.set_ylim(-0.02, 1.02)
+        right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
     handles = [line_key(cluster_colour(k), f"solution {name}", marker="o", ms=4) for k, name in enumerate(minima)]
     legend_above(canvas, [*handles[:4], line_key("#999999", "front", lw=1), line_key(FLOOR, "noise floor", lw=2)])
     best = number(100 * float(front.nrmsd.mean(axis=1).min()))

@@ -75,7 +75,7 @@ def panels(
     Parameters
     ----------
     count, columns
-        Number of panels, and how many stand in a row; the panels share the full width.
+        Number of panels, and how many stand in a row; a single panel takes half the width unless `columns` is 1.
     height
         Height of a panel's main axes.
     gap
@@ -90,7 +90,7 @@ def panels(
     figure, axes, lower axes
         The lower list is empty if `lower` is 0.
     """
-    columns = max(1, min(columns, count))
+    columns = max(1, min(columns, max(count, 2)))
     rows = -(-count // columns)
     left, bottom, right, top = margin
     between = 0.08
@@ -121,6 +121,14 @@ def few_ticks(axes: Axes, x: int | None = 5, y: int | None = 4) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(y, steps=_STEPS))
 
 
+LEGEND_COLUMNS = 6
+
+
+def legend_height(entries: int) -> float:
+    """Inches to leave above the panels for a legend of so many entries."""
+    return 0.32 + 0.18 * -(-entries // LEGEND_COLUMNS)
+
+
 def legend_above(canvas: Canvas, handles: Sequence[Any]) -> None:
     """One legend for the whole figure, in a row above the panels."""
     height = canvas.get_figheight()
@@ -128,7 +136,7 @@ def legend_above(canvas: Canvas, handles: Sequence[Any]) -> None:
         handles=list(handles),
         loc="upper left",
         bbox_to_anchor=(0.0, 1 - 0.02 / height),
-        ncols=min(len(handles), 6),
+        ncols=min(len(handles), LEGEND_COLUMNS),
         handlelength=1.8,
         columnspacing=1.6,
     )

@@ -24,6 +24,7 @@ class Headline:
     baseline: float
     largest_r_hat: float
     smallest_ess: float
+    graded: bool
     unpinned: list[str]
     at_bound: list[str]
     worst_test: str
@@ -46,7 +47,8 @@ def extract_headline(run: Run) -> Headline:
         baseline=_mean(run.baseline_nrmsd[used]),
         largest_r_hat=_extreme(np.max, [c.array("r_hat") for c in run.plausible]),
         smallest_ess=_extreme(np.min, [c.array("ess") for c in run.plausible]),
-        unpinned=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade != "good"],
+        graded="unknown" not in best.grades,
+        unpinned=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade in ("fair", "bad")],
         at_bound=[n for n, bound in zip(best.parameters, best.array("at_bound"), strict=True) if bound],
         worst_test=run.tests[worst],
         worst_ratio=float(ratio[worst]),
@@ -102,7 +104,8 @@ def _cards(run: Run, found: Headline) -> Raw:
         cards.append((percent(found.baseline), f"baseline: {run.tree['baseline'].attrs['model_title']}"))
     cards.append((str(found.plausible), f"plausible solution{'s' if found.plausible != 1 else ''} (weight above 1 %)"))
     pinned = len(run.clusters[0].parameters) - len(found.unpinned)
-    cards.append((f"{pinned} of {len(run.clusters[0].parameters)}", "parameters pinned by the data"))
+    if found.graded:
+        cards.append((f"{pinned} of {len(run.clusters[0].parameters)}", "parameters pinned by the data"))
     total = run.json("seconds").get("total")
     if total is not None:
         cards.append((f"{number(total)} s", "wall time"))
@@ -113,11 +116,12 @@ def _cards(run: Run, found: Headline) -> Raw:
 def _best(run: Run) -> Markup:
     best = run.clusters[0]
     values = [
-        Markup("{}&nbsp;= {}&nbsp;± {} {}").format(
-            symbol(name), with_sd(value, sd), number(sd, 2), "" if run.unit(name) == "1" else run.unit(name)
+        Markup("{}&nbsp;= {}{}{}").format(
+            symbol(name),
+            with_sd(value, sd),
+            Markup("&nbsp;± {}").format(number(sd, 2)) if np.isfinite(sd) else "",
+            "" if run.unit(name) == "1" else f" {run.unit(name)}",
         )
-        if np.isfinite(sd)
-        else Markup("{}&nbsp;= {} {}").format(symbol(name), number(value, 4), run.unit(name))
         for name, value, sd in zip(best.parameters, best.array("value"), best.array("sd"), strict=True)
     ]
     share = f" (posterior weight {percent(best.weight)})" if len(run.clusters) > 1 else ""
@@ -150,12 +154,18 @@ def _solutions(run: Run, found: Headline) -> Markup:
         more = f"; {others} more found by the search carry less than {PLAUSIBLE:.0%} each" if others else ""
         return Markup("<b>Solutions.</b> There is one plausible solution{}.").format(more)
     shares = listed([Markup("{} ({})").format(c.name, percent(c.weight)) for c in run.plausible])
-    return Markup("<b>Solutions.</b> {} solutions are plausible: {}. The data alone don't tell them apart.").format(
-        found.plausible, shares
+    best = run.clusters[0]
+    sentence = (
+        f"The data favour {best.name} but don't exclude the others."
+        if best.weight > 0.9
+        else "The data alone don't tell them apart."
     )
+    return Markup("<b>Solutions.</b> {} solutions are plausible: {}. {}").format(found.plausible, shares, sentence)
 
 
 def _pinned(run: Run, found: Headline) -> Markup:
+    if not found.graded and not found.unpinned:
+        return Markup("<b>Parameters.</b> Nothing was sampled, so it is not known how well the data pin them.")
     if not found.unpinned:
         return Markup("<b>Parameters.</b> The data pin all {} parameters.").format(len(run.clusters[0].parameters))
     text = Markup("<b>Parameters.</b> The data do not pin {}: its value may be read as a range only").format(

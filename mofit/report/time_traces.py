@@ -62,9 +62,9 @@ def traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, solution
     for k, overlay in enumerate(traces):
         draw_trace(overlay, unit, small, axes[k], below[k])
         if k % _COLUMNS == 0:
-            for panel, label in ((axes[k], unit.label(overlay.output_name)), (below[k], small.label("residual"))):
+            for panel, label in ((axes[k], unit.name), (below[k], small.name)):
                 panel.set_ylabel(label)
-                panel.yaxis.set_label_coords(-0.165 if len(traces) > 2 else -0.1, 0.5)
+                panel.yaxis.set_label_coords(-0.15 if len(traces) > 2 else -0.1, 0.5)
         if k >= len(traces) - _COLUMNS:
             below[k].set_xlabel("time (s)")
     handles = [line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(cluster_colour(0), f"model, {solution}")]
@@ -77,9 +77,10 @@ def traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, solution
     return Figure(
         image_of(canvas),
         "Measured and simulated output over time with the residual, per test",
-        f"Output over time of solution {solution} (the last two periods of periodic tests, the last samples of "
-        f"broadband ones), and "
-        "below it the residual, measured − simulated.",
+        f"Output ({traces[0].output_name}, {unit.name}) over time of solution {solution}: the last two periods of "
+        f"periodic "
+        "tests, the last samples of broadband ones. Below it the residual, measured − simulated "
+        f"({small.name}).",
         good="the residual is shapeless and stays inside the noise band.",
         bad="the residual repeats every period or leaves the band: the model misses something systematic there.",
     )

@@ -1,0 +1,226 @@
+"""What the figures are drawn from, against known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import result_trees
+import synthetic_rigs
+import xarray as xr
+from matplotlib.figure import Figure
+
+from mofit.report.convergence import extract_traces
+from mofit.report.corner import draw_corner, extract_corner
+from mofit.report.error_per_test import draw_errors, extract_errors
+from mofit.report.overlay import Overlay, extract_overlays
+from mofit.report.per_frequency import extract_per_test
+from mofit.report.posterior import correlation, extract_marginals, open_directions
+from mofit.report.run import Cluster, Run
+from mofit.report.search_map import extract_front, extract_search, pairs
+from mofit.report.spectrum import extract_spectra
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return Run(result_trees.make_result(synthetic_rigs.crowded(4), steps=40))
+
+
+def replaced(run: Run, draws: np.ndarray) -> Cluster:
+    """The first cluster with other draws, shape (chain, draw, parameter)."""
+    node = run.tree["clusters/c1"].copy(deep=True)
+    names = run.clusters[0].parameters
+    node["posterior"] = xr.DataTree(
+        xr.Dataset({name: (("chain", "draw"), draws[..., k]) for k, name in enumerate(names)})
+    )
+    return Cluster("c1", 0, node)
+
+
+def box_draws(run: Run, unit: np.ndarray) -> np.ndarray:
+    names = run.clusters[0].parameters
+    lower, upper = run.of_parameters("lower", names), run.of_parameters("upper", names)
+    log = run.is_log(names)
+    return np.where(
+        log, np.maximum(lower, 1e-300) * (upper / np.maximum(lower, 1e-300)) ** unit, lower + unit * (upper - lower)
+    )
+
+
+def test_place_in_the_box_is_the_inverse_of_the_map(run) -> None:
+    unit = np.random.default_rng(1).uniform(size=(50, 4))
+    np.testing.assert_allclose(run.to_unit(box_draws(run, unit), run.clusters[0].parameters), unit, atol=1e-12)
+
+
+def test_correlation_of_known_draws(run) -> None:
+    rng = np.random.default_rng(2)
+    normal = rng.normal(size=(4, 20_000, 4))
+    normal[..., 1] = -0.9 * normal[..., 0] + np.sqrt(1 - 0.81) * normal[..., 1]
+    cluster = replaced(run, box_draws(run, 0.5 + 0.02 * normal))
+    matrix = correlation(run, cluster)
+    assert matrix[0, 1] == pytest.approx(-0.9, abs=0.01)
+    assert abs(matrix[2, 3]) < 0.02
+    assert open_directions(run, cluster) == []
+
+
+def test_an_open_direction_is_found_with_its_signs(run) -> None:
+    rng = np.random.default_rng(3)
+    along = rng.uniform(-0.5, 0.5, size=(4, 5000))
+    unit = 0.5 + 0.01 * rng.normal(size=(4, 5000, 4))
+    unit[..., 0] += along
+    unit[..., 3] -= along
+    (direction,) = open_directions(run, replaced(run, box_draws(run, np.clip(unit, 0, 1))))
+    assert set(direction.weights) == {run.clusters[0].parameters[0], run.clusters[0].parameters[3]}
+    first, second = direction.weights.values()
+    assert first > 0 > second
+    assert direction.spread == pytest.approx(np.sqrt(2), rel=0.03)
+
+
+def test_a_prior_as_posterior_is_open_everywhere(run) -> None:
+    unit = np.random.default_rng(4).uniform(size=(4, 5000, 4))
+    spreads = [direction.spread for direction in open_directions(run, replaced(run, box_draws(run, unit)))]
+    np.testing.assert_allclose(spreads, 1.0, atol=0.05)
+
+
+def test_marginals_cover_the_draws_and_stay_in_the_box(run) -> None:
+    for marginal in extract_marginals(run):
+        assert marginal.lower <= marginal.edges[0] < marginal.edges[-1] <= marginal.upper
+        assert max(heights.max() for heights in marginal.heights.values()) == 1.0
+        for low, high in marginal.prior_place.values():
+            assert 0 <= low < high <= 1
+
+
+def test_corner_quantiles_and_its_picture(run) -> None:
+    corner = extract_corner(run, run.clusters[0])
+    draws = run.clusters[0].draws.reshape(-1, 4)
+    np.testing.assert_allclose(corner.quantiles[1], np.median(draws, axis=0))
+    axes = draw_corner(corner, "#0072B2", Figure().add_subplot())
+    texts = [text.get_text() for text in axes.texts]
+    assert f"{corner.correlation[1, 0]:+.2f}".replace("-", "−") in texts
+
+
+def test_corner_regions_hold_their_share_of_the_draws(run) -> None:
+    draws = box_draws(run, np.clip(0.5 + 0.05 * np.random.default_rng(5).normal(size=(4, 20_000, 4)), 0, 1))
+    axes = draw_corner(extract_corner(run, replaced(run, draws)), "#000000", Figure().add_subplot())
+    alpha = np.asarray(axes.images[0].get_array())[..., 3]
+    cell = alpha.shape[0] // 4
+    density = alpha[cell : 2 * cell, :cell]
+    areas = [np.count_nonzero(density >= level) for level in (0.2, 0.4, 0.8)]
+    radii = np.sqrt(np.array(areas) / areas[0])
+    expected = np.sqrt(np.log(1 - np.array([0.95, 0.68, 0.39])) / np.log(0.05))
+    np.testing.assert_allclose(radii, expected, rtol=0.06)
+
+
+@pytest.mark.parametrize("count", range(1, 11))
+def test_every_parameter_appears_in_a_map(count) -> None:
+    found = pairs(count)
+    assert all(x != y for x, y in found)
+    assert {k for pair in found for k in pair} == (set(range(count)) if count > 1 else set())
+
+
+def test_search_is_ordered_with_the_best_last_and_without_failures(run) -> None:
+    found = extract_search(run)
+    assert np.isfinite(found.nrmsd).all()
+    assert (np.diff(found.nrmsd) <= 0).all()
+    assert len(found.points) == np.isfinite(run.tree["search/nrmsd"].values).all(axis=1).sum()
+    assert len(found.stored) == run.tree["search"].sizes["stored"]
+
+
+def test_front_lies_in_the_box(run) -> None:
+    front = extract_front(run)
+    assert ((front.place >= 0) & (front.place <= 1)).all()
+    np.testing.assert_array_equal(front.noise_floor, run.of_tests("noise_floor"))
+
+
+def test_minima_per_test_drop_tests_without_any() -> None:
+    run = Run(result_trees.make_result(synthetic_rigs.tyre(), steps=20))
+    found = extract_per_test(run)
+    assert found.tests == [test for test, kind in zip(run.tests, run.kinds, strict=True) if kind == "sine"]
+    np.testing.assert_array_equal(found.joint, run.clusters[0].array("value"))
+    assert found.value.shape == (9, 3, 3)
+
+
+def test_errors_are_drawn_in_per_cent_over_frequency(run) -> None:
+    errors = extract_errors(run)
+    axes = draw_errors(errors, np.isfinite(errors.frequency), True, Figure().add_subplot())
+    best = axes.lines[-1]
+    np.testing.assert_allclose(best.get_ydata(), 100 * errors.models["c1"][np.argsort(errors.frequency)])
+    assert axes.get_xscale() == "log"
+
+
+def test_dropped_samples_are_not_shown(run) -> None:
+    for overlay in extract_overlays(run, run.clusters[0]):
+        assert overlay.time[0] >= overlay.period - 1e-9
+        assert overlay.measured.size == overlay.simulated.size == overlay.low.size == overlay.input.size
+        assert (overlay.low <= overlay.high).all()
+
+
+def overlay(kind: str, time: np.ndarray, measured: np.ndarray, simulated: np.ndarray, **more) -> Overlay:
+    empty = np.empty(0)
+    settings = {
+        "period": np.nan,
+        "noise_sd": 1.0,
+        "input": empty,
+        "baseline": empty,
+        "low": empty,
+        "high": empty,
+    } | more
+    return Overlay(
+        test="t", kind=kind, input_name="", input_unit="1", output_name="y", output_unit="N",
+        time=time, measured=measured, simulated=simulated, **settings,
+    )  # fmt: skip
+
+
+def test_spectrum_of_a_sine_and_of_white_noise() -> None:
+    n = 4096
+    time = np.arange(n) / 128.0
+    sine = 3.0 * np.sin(2 * np.pi * 8.0 * time)
+    noise = 0.5 * np.random.default_rng(6).normal(size=n)
+    (spectrum,) = extract_spectra([overlay("multisine", time, sine + noise, sine, noise_sd=0.5)])
+    line = np.argmax(spectrum.measured)
+    assert spectrum.frequency[line] == pytest.approx(8.0)
+    assert spectrum.measured[line] == pytest.approx(3.0, abs=0.05)
+    assert spectrum.residual[:-1].mean() == pytest.approx(spectrum.noise, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "period", "periods", "samples"),
+    [
+        ("sine", 0.5, 2, 101),
+        ("sine", 0.5, 1, 51),
+        ("sine", 100.0, 1, 1000),
+        ("step", np.nan, 2, 1000),
+        ("free", 0.5, 2, 400),
+    ],
+)
+def test_the_part_of_a_record_that_is_drawn(kind, period, periods, samples) -> None:
+    time = np.arange(1000) / 100.0
+    part = overlay(kind, time, time, time, period=period).last(periods)
+    assert part.time.size == part.measured.size == samples
+    assert part.time[-1] == time[-1]
+
+
+def test_traces_are_quantiles_over_the_walkers_of_a_step(run) -> None:
+    cluster = run.clusters[0]
+    traces = extract_traces(cluster)
+    assert traces.middle.shape == (4, 40, 4)
+    steps = run.tree["clusters/c1/sample_stats/step"].values
+    draws = cluster.draws[2][steps[2] == 7]
+    assert (np.sort(draws, axis=0)[[0, -1]][0] <= traces.low[2, 7]).all()
+    np.testing.assert_array_equal(traces.middle[2, 7], np.sort(draws, axis=0)[round(0.5 * (len(draws) - 1))])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "contraction", "bound", "grade"),
+    [
+        ("identified", 0.9, 0, "good"),
+        ("identified", 0.9, 1, "bad"),
+        ("weakly identified", 0.6, 0, "fair"),
+        ("not identifiable", 0.9, 0, "bad"),
+        ("", 0.9, 0, "good"),
+        ("", 0.2, 0, "bad"),
+        ("", np.nan, 0, "unknown"),
+    ],
+)
+def test_grades(run, verdict, contraction, bound, grade) -> None:
+    node = run.tree["clusters/c1"].copy(deep=True)
+    values = {"verdict": verdict, "contraction": contraction, "at_bound": bound}
+    node.dataset = node.to_dataset().assign({name: ("parameter", [value] * 4) for name, value in values.items()})
+    assert Cluster("c1", 0, node).grades == [grade] * 4
