@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
-from scipy.ndimage import gaussian_filter
 
 from mofit.report.display import math_symbol, number
 from mofit.report.page import Figure
@@ -92,10 +91,11 @@ def _shading(inside: Array, colour: str) -> Array:
     image = np.ones((d * size, d * size, 4))
     image[..., 3] = 0.0
     image[..., :3] = to_rgb(colour)
+    kernel = _kernel(1.6)
     for row in range(d):
         for column in range(row):
             bins, _, _ = np.histogram2d(inside[:, row], inside[:, column], bins=cell, range=((0, 1), (0, 1)))
-            smooth = gaussian_filter(bins, 1.6)
+            smooth = kernel @ bins @ kernel.T
             ordered = np.sort(smooth.ravel())[::-1]
             mass = np.cumsum(ordered) / max(ordered.sum(), 1e-300)
             alpha = np.zeros_like(smooth)
@@ -107,6 +107,13 @@ def _shading(inside: Array, colour: str) -> Array:
     return image
 
 
+def _kernel(width: float) -> Array:
+    """Matrix that smooths a histogram of `_BINS` bins with a Gaussian of this width in bins, keeping its sum."""
+    distance = np.subtract.outer(np.arange(_BINS), np.arange(_BINS))
+    weights = np.exp(-0.5 * (distance / width) ** 2)
+    return weights / weights.sum(axis=0)
+
+
 def _frame(axes: Axes, x: int, y: int) -> None:
     low, high = _GAP, 1 - _GAP
     corners_x = [x + low, x + high, x + high, x + low, x + low]
@@ -115,7 +122,7 @@ def _frame(axes: Axes, x: int, y: int) -> None:
 
 def _marginal(axes: Axes, values: Array, x: int, y: int, colour: str) -> None:
     heights, edges = np.histogram(values, bins=_BINS, range=(0, 1))
-    smooth = gaussian_filter(heights.astype(float), 1.2)
+    smooth = _kernel(1.2) @ heights
     middle = x + _scale(0.5 * (edges[1:] + edges[:-1]))
     top = y + _GAP + (1 - 2.6 * _GAP) * smooth / max(smooth.max(), 1e-300)
     axes.fill_between(middle, y + _GAP, top, color=colour, alpha=0.25, lw=0, zorder=2)
