@@ -18,23 +18,24 @@ DAMPER_INPUTS = (
 )
 DAMPER_OUTPUTS = (Channel("force", "N", "force on the moved end, positive with the displacement"),)
 
-STIFFNESS = Parameter("c", "N/m", 0.0, 1e5, 1e3, description="stiffness at small stroke")
-PROGRESSION = Parameter("p", "1/m", -30.0, 100.0, 0.0, description="change of stiffness with stroke")
+STIFFNESS = Parameter("c", "N/m", 0.0, 1e4, 500.0, description="stiffness at small stroke")
+# not relative to c as the tyre's p_y is: a relative one means nothing where c is 0, and the posterior would have a ridge
+PROGRESSION = Parameter("p", "N/m^2", -1e6, 1e6, 0.0, description="change of stiffness with stroke")
 DAMPING = Parameter("d", "N s/m", 1.0, 1e6, 1e3, "log", "damping")
 OFFSET = Parameter("F_0", "N", -500.0, 500.0, 0.0, description="constant force (gas pressure, transducer offset)")
 
 
 def parallel_force(s: Symbols, x: ca.SX) -> ca.SX:
-    r"""Spring and damper in parallel and an offset: :math:`c (1 + p |x|) x + d \dot x + F_0` [N].
+    r"""Spring and damper in parallel and an offset: :math:`(c + p |x|) x + d \dot x + F_0` [N].
 
     Announces ``spring_force`` and ``damper_force``.
     """
-    spring = s.quantity("spring_force", s.c * (1 + s.p * ca.fabs(x)) * x)
+    spring = s.quantity("spring_force", (s.c + s.p * ca.fabs(x)) * x)
     return spring + s.quantity("damper_force", s.d * s.velocity) + s.F_0
 
 
 class KelvinVoigtDamper(Model):
-    r"""Spring and damper in parallel, :math:`F = c (1 + p |x|) x + d \dot x + F_0`.
+    r"""Spring and damper in parallel, :math:`F = (c + p |x|) x + d \dot x + F_0`.
 
     Displacement :math:`x` [m] in (its rate by a smoothing spline), force [N] out; positive together.
     """
@@ -54,7 +55,7 @@ class MaxwellDamper(Model):
     r"""Kelvin–Voigt damper with one Maxwell branch in parallel.
 
     .. math::
-        F = c (1 + p |x|) x + d \dot x + c_M (x - x_M) + F_0, \qquad d_M \dot x_M = c_M (x - x_M)
+        F = (c + p |x|) x + d \dot x + c_M (x - x_M) + F_0, \qquad d_M \dot x_M = c_M (x - x_M)
 
     Displacement :math:`x` [m] in, force [N] out; positive together. State: internal displacement :math:`x_M` [m] of
     the branch, relaxed at the start. The law of `MaxwellTyre` with a given deflection.
