@@ -86,6 +86,7 @@ def identify(
     *,
     all_freqs: bool = False,
     freq: tuple[float, ...] = (),
+    test: tuple[str, ...] = (),
     model: str | None = None,
     effect: tuple[str, ...] = (),
     search: str = "effa",
@@ -111,6 +112,8 @@ def identify(
         Use all tests of the model's kinds; the default unless --freq is given.
     freq
         Use only the tests of this frequency in Hz, as on their label; repeatable.
+    test
+        Use only the test of this name; repeatable.
     model
         Name of a shipped model, or path/to/file.py:Name. Found from the channels if left out.
     effect
@@ -132,24 +135,25 @@ def identify(
     resume
         Go on with an interrupted run.
     """
-    from mofit.job import identify_file
+    from mofit.job import Job, identify_file
     from mofit.options import by_name, range_by_name
+    from mofit.settings import Settings
     from mofit.terminal import progress_bar
 
-    options: dict[str, Any] = {
-        "search": search,
-        "weights": by_name("--weights", weights),
-        "bounds": range_by_name("--bounds", bounds),
-        "fixed": by_name("--fix", fix),
-        "joint": joint,
-        "seed": seed,
-    }
-    if jobs is not None:
-        options["jobs"] = jobs
-    if all_freqs and freq:
-        raise InputError.of("--freq", "given together with --all-freqs", "Leave one of them out")
+    if all_freqs and (freq or test):
+        raise InputError.of("--all-freqs", "given together with --freq or --test", "Leave one of them out")
+    settings = Settings(
+        search=search,
+        weights=by_name("--weights", weights),
+        bounds=range_by_name("--bounds", bounds),
+        fixed=by_name("--fix", fix),
+        joint=joint,
+        seed=seed,
+        **({} if jobs is None else {"jobs": jobs}),
+    )
+    job = Job(file, model, effect, freq, test, settings, out, resume)
     with progress_bar() as progress:
-        folder, summary = identify_file(file, model, effect, freq, options, out=out, resume=resume, progress=progress)
+        folder, summary = identify_file(job, progress)
     if as_json:
         _print_json(summary)
     else:

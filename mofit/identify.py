@@ -16,7 +16,7 @@ from mofit.errors import InputError, did_you_mean
 from mofit.joint import JointProblem
 from mofit.journal import Clock, Journal
 from mofit.library import find_model
-from mofit.model import Model
+from mofit.model import Model, build_system
 from mofit.outcome import Fit, Mode, Outcome
 from mofit.posing import choose_tests, dynamic_problem, main_problem, search_weights
 from mofit.problem import Problem
@@ -78,7 +78,13 @@ def identify(
     clock = Clock()
     space = free_space(model, settings)
     chosen = choose_tests(model, campaign, tests)
-    configuration = {"model": model.name, "campaign": campaign.hash(), "tests": list(chosen), **settings.deciding()}
+    configuration = {
+        "model": model.name,
+        "equations": build_system(model).hash(),
+        "campaign": campaign.hash(),
+        "tests": list(chosen),
+        **settings.deciding(),
+    }
     folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
 
     with clock.measure("calibrate"):

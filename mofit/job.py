@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from mofit.bundled import bundled_campaign
 from mofit.campaign import Campaign
 from mofit.campaign_file import read_campaign
-from mofit.errors import InputError
+from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.identify import Settings, identify
 from mofit.library import find_effect, find_model
 from mofit.model import Model, with_effects
@@ -26,18 +27,9 @@ MODELS_BY_CHANNELS = (
 FREQUENCY_TOLERANCE = 1e-3
 
 
-def identify_file(
-    file: Path | None,
-    model: str | None,
-    effects: Sequence[str],
-    frequencies: Sequence[float],
-    options: Mapping[str, Any],
-    *,
-    out: Path | None = None,
-    resume: bool = False,
-    progress: Progress = silent,
-) -> tuple[Path, dict[str, Any]]:
-    """Read, identify, write the run folder and its report.
+@dataclass(frozen=True)
+class Job:
+    """An identification as a user asks for it.
 
     Parameters
     ----------
@@ -45,12 +37,26 @@ def identify_file(
         Campaign file; None takes the bundled campaign and says so.
     model, effects
         Names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide.
-    frequencies
-        Frequencies (Hz) of the tests to use; all where empty.
-    options
-        Fields of `Settings`.
-    out, resume, progress
+    frequencies, tests
+        Frequencies (Hz) and names of the tests to use; all of the model's kinds where both are empty.
+    settings
+        Settings of the identification.
+    out, resume
         As in `mofit.identify.identify`.
+    """
+
+    file: Path | None = None
+    model: str | None = None
+    effects: tuple[str, ...] = ()
+    frequencies: tuple[float, ...] = ()
+    tests: tuple[str, ...] = ()
+    settings: Settings = field(default_factory=Settings)
+    out: Path | None = None
+    resume: bool = False
+
+
+def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
+    """Read, identify, write the run folder and its report.
 
     Returns
     -------
@@ -59,15 +65,14 @@ def identify_file(
     summary
         What ``--json`` prints.
     """
-    if file is None:
+    if job.file is None:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
-    campaign = read_campaign(bundled_campaign() if file is None else file)
-    chosen = find_model(model) if model else _model_for(campaign)
-    extended = with_effects(chosen, *(find_effect(name) for name in effects))
-    tests = _tests_at(campaign, extended, frequencies)
-    folder, _ = identify(
-        campaign, extended, Settings(**options), tests=tests, out=out, resume=resume, progress=progress
-    )
+    campaign = read_campaign(bundled_campaign() if job.file is None else job.file)
+    chosen = find_model(job.model) if job.model else _model_for(campaign)
+    model = with_effects(chosen, *(find_effect(name) for name in job.effects))
+    names = (*_tests_at(campaign, model, job.frequencies), *_tests_named(campaign, job.tests))
+    tests = tuple(dict.fromkeys(names))
+    folder, _ = identify(campaign, model, job.settings, tests=tests, out=job.out, resume=job.resume, progress=progress)
     return folder, summary(open_result(folder), folder)
 
 
@@ -100,3 +105,12 @@ def _tests_at(campaign: Campaign, model: Model, frequencies: Sequence[float]) ->
             )
         tests += found
     return tuple(tests)
+
+
+def _tests_named(campaign: Campaign, tests: Sequence[str]) -> Sequence[str]:
+    raise_errors(
+        Fault(f"--test {name}", "the campaign has no such test", did_you_mean(name, campaign.tests))
+        for name in tests
+        if name not in campaign.tests
+    )
+    return tests

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from hashlib import sha256
 from typing import Any
 
 import casadi as ca
@@ -42,6 +43,11 @@ class System:
     out: ca.Function
     initial: ca.Function
     named: ca.Function
+
+    def hash(self) -> str:
+        """Hash of the equations: another one for any change that can change a number."""
+        graphs = "".join(function.serialize() for function in (self.rhs, self.out, self.initial))
+        return sha256(graphs.encode()).hexdigest()[:16]
 
 
 def build_system(model: Model) -> System:

@@ -129,6 +129,7 @@ def test_wrong_options_are_refused(rig, gain, empty, capsys):
         ([*base, "--effect", "force_ofset"], "force_offset"),
         ([*base, "--freq", "3"], "--freq 3", "1"),
         ([*base, "--freq", "1", "--all-freqs"], "--all-freqs"),
+        ([*base, "--test", "sine_1hz"], "sine_1Hz"),
         ([*base, "--search", "papr"], "paper"),
         ([*base, "--weights", "sine_1hz=2"], "sine_1Hz"),
         ([*base, "--weights", "sine_1Hz"], "NAME=NUMBER"),

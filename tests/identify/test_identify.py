@@ -15,7 +15,7 @@ from lag_rig import TRUTH, campaign, write_rig
 
 from mofit.errors import InputError
 from mofit.identify import Settings, identify
-from mofit.job import identify_file
+from mofit.job import Job, identify_file
 from mofit.model import Model, load_class
 from mofit.result import open_result
 
@@ -30,12 +30,16 @@ def rig(tmp_path_factory):
 @pytest.fixture(scope="module")
 def run(rig):
     file, model = rig
-    return identify_file(file, model, (), (), {"seed": 1, "jobs": 1}, out=file.parent / "run")
+    return run_job(file, model, {"seed": 1, "jobs": 1}, file.parent / "run")
 
 
 @pytest.fixture(scope="module")
 def tree(run):
     return open_result(run[0])
+
+
+def run_job(file, model, settings, out, **more):
+    return identify_file(Job(file, model, settings=Settings(**settings), out=out, **more))
 
 
 def same_values(a: xr.DataTree, b: xr.DataTree) -> None:
@@ -105,13 +109,13 @@ def test_posterior_is_as_wide_as_theory_says(tree):
 
 def test_same_numbers_for_any_number_of_threads(rig, tree):
     file, model = rig
-    folder, _ = identify_file(file, model, (), (), {"seed": 1, "jobs": 2}, out=file.parent / "run-2")
+    folder, _ = run_job(file, model, {"seed": 1, "jobs": 2}, file.parent / "run-2")
     same_values(open_result(folder), tree.copy(deep=True))
 
 
 def test_other_seed_other_draws(rig, tree):
     file, model = rig
-    folder, _ = identify_file(file, model, (), (), {"seed": 2, "jobs": 1}, out=file.parent / "run-seed")
+    folder, _ = run_job(file, model, {"seed": 2, "jobs": 1}, file.parent / "run-seed")
     other = open_result(folder)["clusters/c1/posterior/k"]
     assert not np.array_equal(other.values.ravel()[:100], tree["clusters/c1/posterior/k"].values.ravel()[:100])
     assert other.mean().item() == pytest.approx(tree["clusters/c1/posterior/k"].mean().item(), abs=1e-3)
@@ -138,7 +142,7 @@ def test_killed_and_resumed_gives_the_same_numbers(rig, tree):
 
 def test_one_frequency_alone(rig):
     file, model = rig
-    _, summary = identify_file(file, model, (), (1.0,), {"jobs": 1}, out=file.parent / "one")
+    _, summary = run_job(file, model, {"jobs": 1}, file.parent / "one", frequencies=(1.0,))
     assert list(summary["noise_floor"]) == ["sine_1Hz"]
 
 
@@ -152,7 +156,7 @@ def test_joint_weights_bounds_and_fixed(rig):
         "fixed": {"k": 2.0},
         "search": "paper",
     }
-    folder, summary = identify_file(file, model, (), (), options, out=file.parent / "options")
+    folder, summary = run_job(file, model, options, file.parent / "options")
     assert list(summary["modes"][0]["parameters"]) == ["T"]
     found = open_result(folder)
     assert found["parameters"]["lower"].values == pytest.approx([0.1])
@@ -168,7 +172,7 @@ def test_a_model_that_always_fails_is_refused(rig):
         .replace("from mofit.model", "import casadi as ca\nfrom mofit.model", 1)
     )
     with pytest.raises(InputError, match="fail"):
-        identify_file(file, f"{file.parent / 'nan.py'}:Lag", (), (), {}, out=file.parent / "nan")
+        run_job(file, f"{file.parent / 'nan.py'}:Lag", {}, file.parent / "nan")
     assert not list(file.parent.glob("nan*partial"))
     assert not (file.parent / "nan").exists()
 
