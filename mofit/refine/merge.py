@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mofit.parameters import Array
+from mofit.refine.closeness import Closeness, close_pairs
 from mofit.refine.result import Minimum, Refined
 
 Values = Callable[[Array], Array]
@@ -18,12 +19,8 @@ Values = Callable[[Array], Array]
 class MergeSettings:
     """When two refined points are one minimum."""
 
-    deviations: float = 0.5
-    """Largest distance in posterior standard deviations, by the better point's Hessian."""
-    width: float = 0.05
-    """Largest distance of a coordinate in box widths: guards directions whose standard deviation is wide."""
-    value: float = 0.5
-    """Largest difference of the negative log posterior, in nats."""
+    closeness: Closeness = field(default_factory=Closeness)
+    """Points this close are one minimum whatever lies between them."""
     barrier: float = 1.0
     """Two points are also one minimum if the value on the straight line between them never rises more than this above
     the worse of the two, in nats: a density ratio of e is no obstacle to a sampler."""
@@ -37,8 +34,7 @@ def merge(refined: Refined, settings: MergeSettings | None = None, values: Value
     Points are taken from the best to the worst; each joins the first minimum that it equals, else it is a new one. It
     equals a minimum u if
 
-    - it is close: :math:`\sqrt{\Delta^T H(u) \Delta}`, :math:`\max_i |\Delta_i|` and the difference of the values
-      are all within the settings; or
+    - it is close (`close_pairs`); or
     - `values` is given and no hill lies between the two (hill-valley test). This joins points along a flat
       valley, and points that ended early on the slope of a better minimum.
 
@@ -58,11 +54,12 @@ def merge(refined: Refined, settings: MergeSettings | None = None, values: Value
     Ursem: Multinational evolutionary algorithms, CEC 1999.
     """
     settings = settings or MergeSettings()
+    close = close_pairs(refined.points, refined.values, refined.hessians, settings.closeness)
     groups: list[list[int]] = []
     for row in np.argsort(refined.values, kind="stable"):
         if np.isnan(refined.values[row]):
             continue
-        home = next((group for group in groups if _close(refined, group[0], int(row), settings)), None)
+        home = next((group for group in groups if close[group[0], row]), None)
         if home is None and values is not None and groups:
             home = _same_valley(refined, groups, int(row), settings, values)
         if home is None:
@@ -70,16 +67,6 @@ def merge(refined: Refined, settings: MergeSettings | None = None, values: Value
         else:
             home.append(int(row))
     return tuple(_minimum(refined, group) for group in groups)
-
-
-def _close(refined: Refined, best: int, row: int, settings: MergeSettings) -> bool:
-    gap = refined.points[row] - refined.points[best]
-    deviations = np.sqrt(max(float(gap @ refined.hessians[best] @ gap), 0.0))
-    return bool(
-        deviations <= settings.deviations
-        and np.max(np.abs(gap)) <= settings.width
-        and refined.values[row] - refined.values[best] <= settings.value
-    )
 
 
 def _same_valley(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit.errors import InputError
 from mofit.parameters import Array
+from mofit.refine.closeness import Closeness, close_pairs
 from mofit.refine.result import Refined, Status
 from mofit.refine.step import box_step, pressed, scaled_gradient
 
@@ -40,6 +41,9 @@ class RefineSettings:
     """Past this a start has stalled."""
     reach: float = 0.25
     """Largest move of a coordinate per step, in box widths: a longer step leaves the basin it was meant to polish."""
+    join: Closeness | None = field(default_factory=Closeness)
+    """A start this close to a better one is not followed further: it would end in the same minimum, and starts by the
+    dozen end in a few minima. None follows every start to its end."""
     accept: float = 1e-4
     """Least ratio of actual to predicted decrease (Nocedal and Wright 2006, algorithm 4.1: any value in (0, 1/4))."""
 
@@ -56,6 +60,7 @@ class _State:
     growth: Array
     active: NDArray[np.bool_]
     converged: NDArray[np.bool_]
+    leader: NDArray[np.int64]  # the start that a joined start follows; itself for the others
     evaluations: int
 
 
@@ -71,7 +76,7 @@ def refine(
     a fraction of what the model promised, and sets the damping from that ratio :math:`\varrho` (Nielsen):
     :math:`\lambda \leftarrow \lambda \max(1/3, 1 - (2\varrho - 1)^3)` after a success, else
     :math:`\lambda \leftarrow \nu\lambda, \nu \leftarrow 2\nu`. A trial that returns nan is a failure like any other:
-    the damping grows, the step shrinks.
+    the damping grows, the step shrinks. A start that comes close to a better one joins it and shares its end.
 
     Parameters
     ----------
@@ -127,6 +132,7 @@ def _begin(evaluate: Evaluate, points: Array, settings: RefineSettings) -> _Stat
         growth=np.full(count, 2.0),
         active=usable,
         converged=np.zeros(count, dtype=bool),
+        leader=np.arange(count),
         evaluations=count,
     )
 
@@ -153,7 +159,17 @@ def _settle(state: _State, settings: RefineSettings) -> _State:
     there = state.active & flat & (gain <= settings.decrease_tolerance)
     stalled = state.active & ~there & (state.damping > settings.most_damping)
     near = stalled & (gain <= settings.stall_tolerance)
-    return replace(state, active=state.active & ~there & ~stalled, converged=state.converged | there | near)
+    settled = replace(state, active=state.active & ~there & ~stalled, converged=state.converged | there | near)
+    return settled if settings.join is None else _joined(settled, settings.join)
+
+
+def _joined(state: _State, closeness: Closeness) -> _State:
+    """Retire the active starts that are close to a better one, which they follow from now on."""
+    close = close_pairs(state.points, state.values, state.hessians, closeness)
+    close &= (state.active | state.converged)[:, None]  # a stalled point leads nobody
+    joins = state.active & close.any(axis=0)
+    best = np.argmin(np.where(close, state.values[:, None], np.inf), axis=0)
+    return replace(state, active=state.active & ~joins, leader=np.where(joins, best, state.leader))
 
 
 def _advance(evaluate: Evaluate, state: _State, settings: RefineSettings) -> _State:
@@ -190,22 +206,28 @@ def _advance(evaluate: Evaluate, state: _State, settings: RefineSettings) -> _St
 
 
 def _result(state: _State, iterations: int, settings: RefineSettings) -> Refined:
+    leader = state.leader
+    while np.any(leader[leader] != leader):  # leaders may have joined others later
+        leader = leader[leader]
+
     def status(row: int) -> Status:
         if np.isnan(state.values[row]):
             return "failed"
+        if leader[row] != row:
+            return "joined"
         if state.active[row]:
             return "limit"
         return "stalled" if state.damping[row] > settings.most_damping else "converged"
 
     return Refined(
-        points=state.points,
-        values=state.values,
-        gradients=state.gradients,
-        hessians=state.hessians,
-        gradient_norms=scaled_gradient(state.points, state.gradients, state.hessians),
-        converged=state.converged,
+        points=state.points[leader],
+        values=state.values[leader],
+        gradients=state.gradients[leader],
+        hessians=state.hessians[leader],
+        gradient_norms=scaled_gradient(state.points, state.gradients, state.hessians)[leader],
+        converged=state.converged[leader],
         status=tuple(status(row) for row in range(len(state.points))),
-        at_bound=pressed(state.points, state.gradients),
+        at_bound=pressed(state.points, state.gradients)[leader],
         evaluations=state.evaluations,
         iterations=iterations,
     )

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mofit.parameters import Array
 
-Status = Literal["converged", "stalled", "limit", "failed"]
-"""How a start ended: ``converged``; ``stalled`` (no step improves the value); ``limit`` (of iterations); ``failed``
-(the start itself could not be evaluated)."""
+Status = Literal["converged", "joined", "stalled", "limit", "failed"]
+"""How a start ended: ``converged``; ``joined`` (came close to a better one and shares its end); ``stalled`` (no step
+improves the value); ``limit`` (of iterations); ``failed`` (the start itself could not be evaluated)."""
 
 
 @dataclass(frozen=True)

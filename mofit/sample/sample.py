@@ -84,7 +84,7 @@ def sample_mode(
             progress(run.steps, settings.max_steps, f"{mode}: {'; '.join(chains.reasons) or 'converged'}")
         if chains.converged or run.steps >= settings.max_steps:
             return chains
-        steps = min(max(settings.chunk, run.steps // 10), settings.max_steps - run.steps)
+        steps = _next_chunk(chains, settings)
         run = _kept(extend(target, run, settings, steps, float(chains.tau.max())), store)
 
 
@@ -94,6 +94,14 @@ def _store(
     if path is None:
         return None
     return Store(Path(path), mode, origin(seed=seed, settings=asdict(settings), dimension=len(centre)), centre)
+
+
+def _next_chunk(chains: Chains, settings: SampleSettings) -> int:
+    """Steps to where the chain should be long enough by the present tau; at most as many again as there are."""
+    tau = float(chains.tau.max())
+    lacking = np.ceil((settings.tau_multiple + 2) * tau) - chains.steps if np.isfinite(tau) else chains.steps
+    least, most = max(settings.chunk, chains.steps // 10), max(2 * settings.chunk, chains.steps)
+    return int(min(max(least, min(lacking, most)), settings.max_steps - chains.steps))
 
 
 def _kept(run: Run, store: Store | None) -> Run:

@@ -16,16 +16,16 @@ class SampleSettings:
     walkers: int = 32
     """Walkers per ensemble, at least: half of them fills 16 lanes of the kernel. Doubled until they are twice the
     number of parameters, which emcee's moves need."""
-    chunk: int = 50
-    """Steps between two checks of convergence (and two checkpoints); grows to a tenth of the chain."""
+    chunk: int = 25
+    """Fewest steps between two checks of convergence (and two checkpoints); grows to a tenth of the chain."""
     max_steps: int = 5000
     """Production steps per ensemble after which the chain is handed over unconverged."""
-    round_steps: int = 20
+    round_steps: int = 12
     """Steps of one round of burn-in, after which the Student-t proposal is adapted."""
     min_rounds: int = 3
     """The proposal comes from the Laplace approximation in round 1 and from truly moved walkers from round 3 on."""
-    max_rounds: int = 25
-    """500 steps; whatever still drifts then shows in R-hat."""
+    max_rounds: int = 40
+    """480 steps; whatever still drifts then shows in R-hat."""
     tau_multiple: float = 50.0
     """Autocorrelation times a chain must hold before its estimate of tau is trusted (emcee's documentation)."""
     tau_change: float = 0.1
@@ -38,13 +38,13 @@ class SampleSettings:
     """Largest share of walkers that stuck or left for another mode; past it the mode does not stand on its own."""
     freedom: float = 5.0
     """Degrees of freedom of the Student-t proposal: heavy tails, yet 67 % accepted on a Gaussian in 9 dimensions."""
-    student: float = 0.7
+    student: float = 0.85
     """Share of steps that use the independent Student-t proposal, the fast one on near-Gaussian posteriors."""
-    differential: float = 0.2
+    differential: float = 0.1
     """Share of differential-evolution steps (Nelson et al. 2014), for shapes that no Student-t fits."""
-    stretch: float = 0.05
+    stretch: float = 0.025
     """Share of stretch steps (Goodman, Weare 2010): they reach along ridges."""
-    snooker: float = 0.05
+    snooker: float = 0.025
     """Share of snooker steps (Ter Braak, Vrugt 2008): long ones between other walkers."""
 
     def __post_init__(self) -> None:

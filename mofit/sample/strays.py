@@ -28,12 +28,13 @@ def strays(chain: Array, log_prob: Array, tau: float) -> tuple[NDArray[np.bool_]
     r"""Walkers that stuck, and walkers that left for another mode, over the second half of a chain.
 
     A walker is *stuck* if it did not move at all. It *left* if its mean, in a coordinate or in log posterior, differs
-    from the median of all walkers by more than
+    from the median of all walkers' means by more than
 
-    .. math:: s \max(6 \sqrt{\tau / n}, 3/2),
+    .. math:: \max(6 s \sqrt{\tau / n}, \tfrac32 s, 3 s_w),
 
-    with s the typical standard deviation within a walker and n the steps looked at: six standard errors, and a distance
-    that matters. Walkers that wander to and fro between modes have not left.
+    with s the typical and :math:`s_w` its own standard deviation over the n steps looked at: six standard errors, a
+    distance that matters, and a place that it does not come back from. Walkers that wander to and fro between modes, or
+    that linger in a tail for a while, have not left.
 
     Parameters
     ----------
@@ -55,6 +56,7 @@ def strays(chain: Array, log_prob: Array, tau: float) -> tuple[NDArray[np.bool_]
     spread = values.std(axis=1, ddof=1)
     mean = values.mean(axis=1)
     stuck = np.all(np.ptp(values, axis=1) == 0, axis=2)
-    limit = max(6 * np.sqrt(min(tau, count) / count), 1.5) * np.median(spread, axis=(0, 1))
+    common = max(6 * np.sqrt(min(tau, count) / count), 1.5) * np.median(spread, axis=(0, 1))
+    limit = np.maximum(common, 3 * spread)
     left = np.any(np.abs(mean - np.median(mean, axis=(0, 1))) > limit, axis=2)
     return stuck, left & ~stuck

@@ -91,11 +91,12 @@ PROBLEMS = [
 ]
 
 
+@pytest.mark.parametrize("settings", [RefineSettings(), RefineSettings(join=None)], ids=["joining", "alone"])
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
-def test_every_start_of_the_table_ends_in_the_known_minimum(problem):
+def test_every_start_of_the_table_ends_in_the_known_minimum(problem, settings):
     d = len(problem.low)
     starts = np.random.default_rng(3).random((8, d))
-    refined = refine(problem.evaluate, starts)
+    refined = refine(problem.evaluate, starts, settings)
     assert refined.converged.all(), refined.status
     assert np.all((refined.points >= 0) & (refined.points <= 1))
     np.testing.assert_allclose(refined.values, problem.value, atol=1e-6, rtol=1e-9)
@@ -172,8 +173,19 @@ def test_rounding_noise_stalls_close_to_the_minimum_and_counts_as_converged():
 
 
 def test_a_batch_gives_what_each_start_gives_alone():
-    problem = PROBLEMS[2]
+    problem, alone = PROBLEMS[2], RefineSettings(join=None)
     starts = np.random.default_rng(8).random((5, 2))
-    together = refine(problem.evaluate, starts)
+    together = refine(problem.evaluate, starts, alone)
     for row, start in enumerate(starts):
-        np.testing.assert_allclose(refine(problem.evaluate, start).points[0], together.points[row], atol=1e-12)
+        np.testing.assert_allclose(refine(problem.evaluate, start, alone).points[0], together.points[row], atol=1e-12)
+
+
+def test_joining_saves_evaluations_and_shares_the_end():
+    problem = PROBLEMS[1]
+    starts = np.random.default_rng(8).random((40, 2))
+    followed, joined = (refine(problem.evaluate, starts, s) for s in (RefineSettings(join=None), RefineSettings()))
+    assert joined.evaluations < 0.8 * followed.evaluations
+    assert joined.status.count("joined") > 20
+    assert joined.status.count("converged") >= 1
+    np.testing.assert_allclose(joined.points, followed.points, atol=1e-3)
+    assert len(np.unique(joined.points, axis=0)) == joined.status.count("converged")
