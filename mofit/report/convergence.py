@@ -36,9 +36,11 @@ def extract_traces(cluster: Cluster) -> Traces | None:
     if cluster.draws is None:
         return None
     steps = numbers(cluster.node.children["sample_stats"], "step")
-    edges = np.linspace(steps.min(), steps.max() + 1, min(_TRACE_POINTS, int(np.ptp(steps)) + 1) + 1)
+    kept = np.unique(steps)
+    groups = np.array_split(kept, min(_TRACE_POINTS, kept.size))
+    edges = np.array([*(group[0] for group in groups), kept[-1] + 1])
     order = np.argsort(steps, axis=1, kind="stable")
-    chains, bins, d = len(steps), edges.size - 1, cluster.draws.shape[-1]
+    chains, bins, d = len(steps), len(groups), cluster.draws.shape[-1]
     quantiles = np.full((3, chains, bins, d), np.nan)
     for chain in range(chains):
         draws = cluster.draws[chain][order[chain]]
@@ -47,7 +49,7 @@ def extract_traces(cluster: Cluster) -> Traces | None:
             part = np.sort(draws[cuts[k] : cuts[k + 1]], axis=0)
             if len(part):
                 quantiles[:, chain, k] = part[np.round(np.array([0.05, 0.5, 0.95]) * (len(part) - 1)).astype(int)]
-    return Traces(cluster.parameters, 0.5 * (edges[1:] + edges[:-1]), *quantiles)
+    return Traces(cluster.parameters, np.array([group.mean() for group in groups]), *quantiles)
 
 
 def draw_trace(traces: Traces, k: int, axes: Axes) -> Axes:
@@ -106,14 +108,14 @@ def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance
                 number(tau),
                 number(lengths),
                 count(ess) if np.isfinite(ess) else "–",
-                number(r_hat, 4),
+                f"{r_hat:.3f}",
                 verdict,
             ]
         )
     rates = ", ".join(f"{100 * rate:.0f}{THIN}%" for rate in acceptance)
     chains, draws, _ = cluster.draws.shape
     caption = (
-        f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance per ensemble {rates}."
+        f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance {rates}."
     )
     return Table(["Parameter", "τ (steps)", "Length / τ", "Effective samples", "R-hat", "Verdict"], rows, caption)
 

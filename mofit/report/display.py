@@ -88,7 +88,7 @@ def count(value: float) -> str:
 
 def symbol(name: str) -> Markup:
     """A parameter's name with its index lowered: ``c_M`` becomes c with index M; long names stay as they are."""
-    base, _, index = name.partition("_")
+    base, index = _parts(name)
     if not _is_symbol(base):
         return Markup("<span>{}</span>").format(name)
     text = Markup("<i>{}</i>").format(_letter(base))
@@ -97,15 +97,24 @@ def symbol(name: str) -> Markup:
 
 def math_symbol(name: str) -> str:
     """The same for figures (matplotlib's math text)."""
-    base, _, index = name.partition("_")
+    base, index = _parts(name)
     if not _is_symbol(base) or not re.fullmatch(r"[A-Za-z0-9_]*", index):
         return name.replace("$", r"\$")
     letter = rf"\{base}" if base in _GREEK else base
     return rf"${letter}_{{\mathrm{{{index.replace('_', ',')}}}}}$" if index else f"${letter}$"
 
 
+def _parts(name: str) -> tuple[str, str]:
+    """Letter and index: ``c_M`` and ``F0`` have one, ``gain`` has none."""
+    numbered = re.fullmatch(r"([A-Za-z]{1,2})([0-9]+)", name)
+    if numbered:
+        return numbered[1], numbered[2]
+    base, _, index = name.partition("_")
+    return base, index
+
+
 def _is_symbol(base: str) -> bool:
-    return base in _GREEK or bool(re.fullmatch(r"[A-Za-z]{1,2}[0-9]?", base))
+    return base in _GREEK or bool(re.fullmatch(r"[A-Za-z]{1,2}", base))
 
 
 def _letter(base: str) -> str:

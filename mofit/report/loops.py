@@ -39,11 +39,12 @@ def loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: s
     """A panel per test; `loops` holds the tests of each solution, best first."""
     solutions = list(loops.values())
     count = len(solutions[0])
-    canvas, axes, _ = panels(count, _COLUMNS, 1.75, margin=(0.65, 0.5, 0.1, 0.65), gap=(0.5, 0.85))
+    canvas, axes, _ = panels(count, _COLUMNS, 1.75, margin=(0.75, 0.5, 0.1, 0.65), gap=(0.5, 0.85))
     for k, panel in enumerate(axes):
         draw_loop([overlays[k] for overlays in solutions], unit, panel)
         if k % _COLUMNS == 0:
             panel.set_ylabel(unit.label(solutions[0][k].output_name))
+            panel.yaxis.set_label_coords(-0.23, 0.5)
     handles = [line_key(MEASURED, "measured", ls="none", marker=".")]
     handles += [line_key(cluster_colour(k), f"model, {name}") for k, name in enumerate(loops)]
     if baseline:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
-from matplotlib.ticker import FixedLocator, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, NullLocator
 
 from mofit.report.display import compact, math_symbol, number, percent, symbol, with_sd
 from mofit.report.page import Block, Details, Figure, Section, Table, Text
@@ -89,8 +89,11 @@ def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool
     few_ticks(axes, None, 5)
     values = found.value[:, :, k]
     finite = values[np.isfinite(values)]
-    if log and finite.size and finite.max() > 30 * finite.min():
+    if log and finite.size and finite.max() > 8 * finite.min():
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.yaxis.set_minor_locator(NullLocator())
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     return axes
 
 
@@ -133,7 +136,7 @@ def _figure(run: Run, found: PerTest) -> Figure:
         if k >= len(names) - 3 and np.isfinite(found.frequency).all():
             panel.set_xlabel("frequency (Hz)")
     handles = [line_key(MEASURED, "best minimum of a test, ± sd", ls="none", marker="o", ms=5)]
-    if found.value.shape[1] > 1:
+    if np.isfinite(found.value[:, 1:]).any():
         handles.append(line_key(MEASURED, "its other minima", ls="none", marker="o", mfc="white", ms=5))
     handles.append(line_key(cluster_colour(0), f"all tests together, {run.clusters[0].name}, 5–95 %", lw=3, alpha=0.7))
     legend_above(canvas, handles)

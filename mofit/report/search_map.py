@@ -30,9 +30,13 @@ _COLOURS = "viridis"
 
 @dataclass(frozen=True)
 class SearchMap:
-    """Points of the search in SI units and their mean NRMSD over the tests, best last; minima of the clusters."""
+    """Points of the search in SI units and their mean NRMSD over the tests, best last; minima of the clusters.
+
+    `moved` says which parameters the search varied; the others were held at what an earlier stage had found.
+    """
 
     parameters: list[str]
+    moved: list[int]
     points: Array
     nrmsd: Array
     stored: Array
@@ -46,6 +50,7 @@ class Front:
 
     objectives: list[str]
     parameters: list[str]
+    moved: list[int]
     nrmsd: Array
     place: Array
     noise_floor: Array
@@ -65,12 +70,19 @@ def extract_search(run: Run) -> SearchMap | None:
     empty = np.empty((0, len(names)))
     return SearchMap(
         parameters=names,
+        moved=_moved(run, numbers(node, "points"), names),
         points=numbers(node, "points")[order],
         nrmsd=nrmsd[order],
         stored=numbers(node, "stored") if "stored" in node.variables else empty,
         fireflies=numbers(node, "fireflies") if "fireflies" in node.data_vars else empty,
         minima={c.name: c.array("value") for c in run.clusters if c.parameters == names},
     )
+
+
+def _moved(run: Run, points: Array, names: list[str]) -> list[int]:
+    """Places of the parameters that differ between points by more than a thousandth of the box (all if none does)."""
+    spread = np.ptp(run.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))
+    return [k for k in range(len(names)) if spread[k] > 1e-3] or [*range(len(names))]
 
 
 def extract_front(run: Run) -> Front | None:
@@ -89,6 +101,7 @@ def extract_front(run: Run) -> Front | None:
     return Front(
         objectives=objectives,
         parameters=names,
+        moved=_moved(run, numbers(node, "parameters"), names),
         nrmsd=numbers(node, "nrmsd"),
         place=run.to_unit(numbers(node, "parameters"), names),
         noise_floor=np.array([floor.get(objective, np.nan) for objective in objectives]),
@@ -202,7 +215,8 @@ def search_section(run: Run) -> Section | None:
 
 def _map(run: Run, found: SearchMap) -> Figure:
     log = run.is_log(found.parameters)
-    chosen: list[tuple[int, int | None]] = [*pairs(len(found.parameters))] or [(0, None)]
+    moved = found.moved
+    chosen: list[tuple[int, int | None]] = [(moved[i], moved[j]) for i, j in pairs(len(moved))] or [(moved[0], None)]
     handles = _handles(found)
     top = legend_height(len(handles))
     canvas, axes, _ = panels(len(chosen), 3, 2.7, margin=(0.75, 0.55, 0.15, top), gap=(0.85, 0.75))
@@ -230,16 +244,16 @@ def _handles(found: SearchMap) -> list[Line2D]:
     ]
     handles.append(line_key("#440154", "evaluated: good", ls="none", marker="o", ms=4))
     handles.append(line_key("#c5d93a", "evaluated: poor", ls="none", marker="o", ms=4))
-    if len(found.stored) and len(found.parameters) > 1:
+    if len(found.stored) and len(found.moved) > 1:
         handles.append(line_key(MEASURED, "stored best", ls="none", marker="s", mfc="none"))
-    if len(found.fireflies) and len(found.parameters) > 1:
+    if len(found.fireflies) and len(found.moved) > 1:
         handles.append(line_key("#57606a", "final swarm", ls="none", marker="^", mfc="none", ms=5))
     return handles
 
 
 def _parallel(run: Run, front: Front) -> Figure:
     order = np.argsort(-front.nrmsd.mean(axis=1))
-    both = len(front.parameters) > 1
+    moved, both = front.moved, len(front.moved) > 1
     canvas, axes, _ = panels(1 + both, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
     minima = {name: 100 * value for name, value in front.minima_nrmsd.items()}
     left = draw_front(100 * front.nrmsd[order], minima, front.objectives, axes[0])
@@ -247,8 +261,9 @@ def _parallel(run: Run, front: Front) -> Figure:
     left.set_ylabel("NRMSD (%)")
     left.set_ylim(0, 1.05 * 100 * float(np.nanmax(front.nrmsd)))
     if both:
-        names = [math_symbol(name) for name in front.parameters]
-        right = draw_front(front.place[order], front.minima_place, names, axes[1])
+        names = [math_symbol(front.parameters[k]) for k in moved]
+        places = {name: place[moved] for name, place in front.minima_place.items()}
+        right = draw_front(front.place[order][:, moved], places, names, axes[1])
         right.set_ylim(-0.02, 1.02)
         right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
     handles = [line_key(cluster_colour(k), f"solution {name}", marker="o", ms=4) for k, name in enumerate(minima)]

@@ -79,7 +79,7 @@ def summary_section(run: Run) -> Section:
 
 
 def _banner(found: Headline) -> Raw:
-    diagnosis = f"largest R-hat {number(found.largest_r_hat, 4)}, smallest effective sample size {count_or_dash(found)}"
+    diagnosis = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {count_or_dash(found)}"
     if found.converged:
         text = f"The run converged: independent ensembles agree ({diagnosis})."
         return Raw(Markup('<div class="banner good" role="status">{}</div>').format(text))
@@ -106,9 +106,9 @@ def _cards(run: Run, found: Headline) -> Raw:
     pinned = len(run.clusters[0].parameters) - len(found.unpinned)
     if found.graded:
         cards.append((f"{pinned} of {len(run.clusters[0].parameters)}", "parameters pinned by the data"))
-    total = run.json("seconds").get("total")
-    if total is not None:
-        cards.append((f"{number(total)} s", "wall time"))
+    seconds = run.json("seconds")
+    if seconds:
+        cards.append((f"{number(seconds.get('total', sum(seconds.values())))} s", "of computing"))
     inner = Markup("").join(Markup('<div class="card"><b>{}</b><span>{}</span></div>').format(*card) for card in cards)
     return Raw(Markup('<div class="cards">{}</div>').format(inner))
 

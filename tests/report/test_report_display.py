@@ -86,6 +86,8 @@ def test_labels_leave_out_the_unit_one() -> None:
         ("c_M", "<i>c</i><sub>M</sub>", r"$c_{\mathrm{M}}$"),
         ("d", "<i>d</i>", "$d$"),
         ("omega_0", "<i>ω</i><sub>0</sub>", r"$\omega_{\mathrm{0}}$"),
+        ("dF0", "<i>dF</i><sub>0</sub>", r"$dF_{\mathrm{0}}$"),
+        ("gain", "<span>gain</span>", "gain"),
         ("stiffness_front", "<span>stiffness_front</span>", "stiffness_front"),
         ("<b>", "<span>&lt;b&gt;</span>", "<b>"),
     ],

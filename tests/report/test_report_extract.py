@@ -123,6 +123,24 @@ def test_search_is_ordered_with_the_best_last_and_without_failures(run) -> None:
     assert len(found.stored) == run.tree["search"].sizes["stored"]
 
 
+def test_parameters_held_during_the_search_are_left_out_of_its_maps(run) -> None:
+    tree = run.tree.copy(deep=True)
+    points = tree["search"].dataset["points"].copy(deep=True)
+    points[:, 1] = 60.0
+    tree["search"].dataset = tree["search"].to_dataset().assign(points=points)
+    assert extract_search(Run(tree)).moved == [0, 2, 3]
+    assert extract_search(run).moved == [0, 1, 2, 3]
+
+
+def test_traces_of_thinned_chains_have_no_gaps(run) -> None:
+    tree = run.tree.copy(deep=True)
+    stats = tree["clusters/c1/sample_stats"]
+    stats.dataset = stats.to_dataset().assign(step=stats.dataset["step"] * 7)
+    traces = extract_traces(Run(tree).clusters[0])
+    assert np.isfinite(traces.middle).all()
+    np.testing.assert_array_equal(traces.step, np.arange(40) * 7)
+
+
 def test_front_lies_in_the_box(run) -> None:
     front = extract_front(run)
     assert ((front.place >= 0) & (front.place <= 1)).all()
