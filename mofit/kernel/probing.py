@@ -45,7 +45,9 @@ class Probing:
         self.system = system
         self.drives = [_stretch(drive) for drive in drives]
         self.outputs = len(system.outputs)
-        self.runner = Runner(replace(system, outputs=system.outputs + system.states, out=out), self.drives, free, jobs)
+        self.runner = Runner(
+            replace(system, outputs=system.outputs + system.states, out=out), self.drives, free, jobs, lean=True
+        )
 
     def stiffness(self, p: Array) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""

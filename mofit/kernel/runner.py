@@ -68,10 +68,15 @@ class Runner:
         As for `Simulator`.
     jobs
         Number of threads.
+    lean
+        Whether to compile one loop for everything rather than the fastest for every case.
     """
 
-    def __init__(self, system: System, drives: Sequence[Drive], free: Sequence[str], jobs: int) -> None:
+    def __init__(
+        self, system: System, drives: Sequence[Drive], free: Sequence[str], jobs: int, lean: bool = False
+    ) -> None:
         self.system, self.drives, self.free, self.jobs = system, tuple(drives), tuple(free), jobs
+        self._lean = lean
         order = [system.parameters.index(name) for name in self.free]
         self._order = order + [index for index in range(len(system.parameters)) if index not in order]
         self._switches = [find_switches(system, drive) for drive in self.drives]
@@ -131,6 +136,7 @@ class Runner:
         self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool, sizes: tuple[int, int]
     ) -> list[_Block]:
         narrow, wide = sizes
+        narrow = wide if self._lean else narrow
         blocks = []
         while len(rows):
             lanes = wide if len(rows) > wide // 2 else narrow
@@ -157,7 +163,7 @@ class Runner:
             variant = self._variant(block.rung, derivatives, reduce, block.spread)
             drive = self.drives[block.drive]
             table = variant.table(drive, block.rung, self._switches[block.drive], block.parameters[len(self.free) :, 0])
-            code = variant.code(table.refined, block.lanes)
+            code = variant.code(table.refined or self._lean, block.lanes)
             alive.append(table)
             records[index] = (
                 drive.samples,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections import OrderedDict
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,14 +44,20 @@ class Stepping:
         steps: int | None,
         jobs: int,
     ) -> None:
-        self._arguments = (system, drives, free, jobs)
+        # compiled when first needed; shared by all that `within` makes
+        self._probing = cache(lambda: Probing(system, drives, free, jobs))
         self._drives = {drive: index for index, drive in enumerate(drives)}
         self._tolerance, self._box = tolerance, box
         # without states there is nothing to integrate
         self._fixed = steps if system.states else 1
-        self._probing: Probing | None = None
         self._calibrated: tuple[list[Rule], Stiffness] | None = None
         self._remembered: OrderedDict[bytes, list[Rung]] = OrderedDict()
+
+    def within(self, box: tuple[ArrayLike, ArrayLike], tolerance: float) -> Stepping:
+        """The same in another box or to another tolerance."""
+        other = copy.copy(self)
+        other._tolerance, other._box, other._calibrated, other._remembered = tolerance, box, None, OrderedDict()
+        return other
 
     def rules(self, drives: Sequence[Drive]) -> list[Rule]:
         """The rule of each test; none if there is no box to calibrate in."""
@@ -74,15 +82,14 @@ class Stepping:
     def _calibration(self, box: tuple[ArrayLike, ArrayLike]) -> tuple[list[Rule], Stiffness]:
         if self._calibrated is None:
             lower, upper = (np.asarray(bound, dtype=float) for bound in box)
-            self._calibrated = calibrate(Probing(*self._arguments), self._tolerance, (lower, upper))
+            self._calibrated = calibrate(self._probing(), self._tolerance, (lower, upper))
         return self._calibrated
 
     def _measured(self, p: Array, drives: Sequence[Drive]) -> list[Choice]:
         keys = [row.tobytes() for row in p]
         new = [i for i, key in enumerate(keys) if key not in self._remembered]
         if new:
-            self._probing = self._probing or Probing(*self._arguments)
-            found = measure(self._probing, p[new], self._tolerance)
+            found = measure(self._probing(), p[new], self._tolerance)
             for row, i in enumerate(new):
                 self._remembered[keys[i]] = [choice.rungs[choice.taken[row]] for choice in found]
         choices = []

@@ -27,6 +27,23 @@ class Relaxation(Model):
         return Equations({"y": s.gain * s.x}, {"x": (s.u - s.x) / s.tau}, {"x": s.start})
 
 
+class Oscillator(Model):
+    """m x'' + d x' + k x = u; y = x."""
+
+    name = "mass_on_a_spring"
+    states = (Channel("x", "m"), Channel("v", "m/s"))
+    inputs = (Channel("u", "N"),)
+    outputs = (Channel("y", "m"),)
+    parameters = (
+        Parameter("m", "kg", 1e-6, 10.0, 1.0, "log"),
+        Parameter("d", "N s/m", 1e-6, 1e6, 1.0, "log"),
+        Parameter("k", "N/m", 1.0, 1e8, 100.0, "log"),
+    )
+
+    def equations(self, s):
+        return Equations({"y": s.x}, {"x": s.v, "v": (s.u - s.d * s.v - s.k * s.x) / s.m})
+
+
 class Static(Model):
     """y = k |u|^1.5 sign(u) + b; no states."""
 
@@ -52,4 +69,4 @@ def sine_drive(system: System, frequency: float = 1.0, samples: int = 200, step:
     return Drive(f"{frequency:g} Hz", step, inputs, other.pop("hold", "cubic"), conditions, measured, weights)
 
 
-RELAXATION, STATIC = build_system(Relaxation()), build_system(Static())
+RELAXATION, OSCILLATOR, STATIC = (build_system(model()) for model in (Relaxation, Oscillator, Static))
