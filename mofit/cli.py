@@ -258,7 +258,7 @@ def report(run: Path, /, *, as_json: Json = False) -> int:
 
 
 @app.command
-def bench(name: str, /, *, as_json: Json = False) -> int:
+def bench(name: str, /, *, report: Path | None = None, as_json: Json = False) -> int:
     """Run a shipped benchmark; all competitors in one run.
 
     Example: mofit bench kernel
@@ -267,11 +267,16 @@ def bench(name: str, /, *, as_json: Json = False) -> int:
     ----------
     name
         kernel.
+    report
+        Folder to write the table into, as README.md.
     """
     from mofit.bench import run_benchmark
+    from mofit.bench.page import write_page
     from mofit.terminal import show_table
 
     result = run_benchmark(name)
+    if report is not None:
+        write_page(name, result, report)
     if as_json:
         _print_json(result)
     else:

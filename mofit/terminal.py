@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mofit.bench.page import cell, headings
 from mofit.progress import Progress as Listener
 
 
@@ -73,18 +74,9 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
     console = Console()
-    table = Table()
-    headings = list(dict.fromkeys(key for row in rows for key in row))
-    for heading in headings:
-        table.add_column(heading)
+    table = Table(*(column.replace("_", " ") for column in headings(rows)))
     for row in rows:
-        table.add_row(*(_cell(row.get(heading)) for heading in headings))
+        table.add_row(*(cell(row.get(heading)) for heading in headings(rows)))
     console.print(table)
     for key, value in settings.items():
-        console.print(f"{key}: {value}", highlight=False)
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+        console.print(f"{key.replace('_', ' ')}: {value}", highlight=False)

@@ -1,0 +1,50 @@
+"""The table of a benchmark as a Markdown page, with what made it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+
+def headings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Every key of any row, in the order of first appearance."""
+    return list(dict.fromkeys(key for row in rows for key in row))
+
+
+def cell(value: Any) -> str:
+    """A value as text: four digits of a float, nothing for None."""
+    if value is None:
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def write_page(name: str, result: Mapping[str, Any], folder: Path) -> Path:
+    """Write ``README.md`` into a folder.
+
+    Parameters
+    ----------
+    name
+        Of the benchmark.
+    result
+        Its ``rows`` and ``settings``.
+    folder
+        Made if it isn't there.
+    """
+    columns = headings(result["rows"])
+    lines = [
+        f"# Benchmark: {name}",
+        "",
+        f"Written by `mofit bench {name} --report {folder.as_posix()}`.",
+        "",
+        f"| {' | '.join(column.replace('_', ' ') for column in columns)} |",
+        "|---" * len(columns) + "|",
+        *(f"| {' | '.join(cell(row.get(column)) for column in columns)} |" for row in result["rows"]),
+        "",
+        *(f"- {key.replace('_', ' ')}: {value}" for key, value in result["settings"].items()),
+        "",
+    ]
+    folder.mkdir(parents=True, exist_ok=True)
+    page = folder / "README.md"
+    page.write_text("\n".join(lines), encoding="utf-8")
+    return page
