@@ -114,9 +114,7 @@ def _table(cluster: Cluster, table: dict[str, Array], traces: Traces, acceptance
         )
     rates = ", ".join(f"{100 * rate:.0f}{THIN}%" for rate in acceptance)
     chains, draws, _ = cluster.draws.shape
-    caption = (
-        f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance {rates}."
-    )
+    caption = f"{chains} ensembles, {count(draws)} draws each from {count(length)} steps; acceptance {rates}."
     return Table(["Parameter", "τ (steps)", "Length / τ", "Effective samples", "R-hat", "Verdict"], rows, caption)
 
 

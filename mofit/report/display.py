@@ -50,7 +50,7 @@ def number(value: float, digits: int = 3) -> str:
         return "0"
     value = float(f"{value:.{digits - 1}e}")
     exponent = math.floor(math.log10(abs(value)))
-    if not -4 <= exponent < 7:
+    if not -5 <= exponent < 7:
         mantissa = f"{value / 10.0**exponent:.{digits - 1}f}"
         return f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}".replace("-", "−")
     return _grouped(value, max(0, digits - 1 - exponent))

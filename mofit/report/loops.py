@@ -53,7 +53,8 @@ def loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: s
     return Figure(
         image_of(canvas),
         "Hysteresis loops, measured and simulated, per test",
-        "Output over input in the last period of each test. The area of the loop is the energy lost per cycle, its "
+        "Output over input in the last full period of each test. The area of the loop is the energy lost per "
+        "cycle, its "
         "slope the "
         "dynamic stiffness.",
         good="the model's line runs through the middle of the measured points all the way round.",

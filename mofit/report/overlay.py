@@ -20,6 +20,9 @@ BROADBAND = ("multisine", "chirp", "free")
 _TRACE_SAMPLES = 400
 """Samples of a broadband test that are shown; more would be a solid block."""
 
+_FULL = 0.95
+"""Share of the usual standard deviation of the input from which a period counts as one at full amplitude."""
+
 
 @dataclass(frozen=True)
 class Overlay:
@@ -41,19 +44,29 @@ class Overlay:
     low: Array
     high: Array
 
-    def last(self, periods: float) -> Overlay:
-        """The last `periods` periods; of a broadband test a short piece; of any other test all of it."""
+    def last(self, periods: int) -> Overlay:
+        """The last `periods` periods at full amplitude; of a broadband test a short piece; else all of it."""
         n = self.time.size
         if self.kind in BROADBAND:
-            return self._cut(max(0, n - _TRACE_SAMPLES))
+            return self._cut(max(0, n - _TRACE_SAMPLES), n)
         if np.isfinite(self.period) and self.period > 0 and n > 1:
-            step = float(np.median(np.diff(self.time)))
-            return self._cut(max(0, n - round(periods * self.period / step) - 1))
+            one = round(self.period / float(np.median(np.diff(self.time))))
+            end = _last_full(self.input if self.input.size else self.measured, one)
+            return self._cut(max(0, end - periods * one - 1), end)
         return self
 
-    def _cut(self, start: int) -> Overlay:
+    def _cut(self, start: int, end: int) -> Overlay:
         names = ("time", "input", "measured", "simulated", "baseline", "low", "high")
-        return replace(self, **{name: getattr(self, name)[start:] for name in names})
+        return replace(self, **{name: getattr(self, name)[start:end] for name in names})
+
+
+def _last_full(signal: Array, period: int) -> int:
+    """Where the last period at full amplitude ends: rigs run out, and the last periods of a record may be smaller."""
+    ends = np.arange(signal.size, period - 1, -max(period, 1))
+    if ends.size == 0:
+        return signal.size
+    sizes = np.array([np.std(signal[end - period : end]) for end in ends])
+    return int(ends[np.argmax(sizes >= _FULL * np.median(sizes))])
 
 
 def extract_overlays(run: Run, cluster: Cluster) -> list[Overlay]:

@@ -77,7 +77,8 @@ def traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, solution
     return Figure(
         image_of(canvas),
         "Measured and simulated output over time with the residual, per test",
-        f"Output ({traces[0].output_name}, {unit.name}) over time of solution {solution}: the last two periods of "
+        f"Output ({traces[0].output_name}, {unit.name}) over time of solution {solution}: the last two full "
+        f"periods of "
         f"periodic "
         "tests, the last samples of broadband ones. Below it the residual, measured − simulated "
         f"({small.name}).",

@@ -215,6 +215,14 @@ def test_the_part_of_a_record_that_is_drawn(kind, period, periods, samples) -> N
     assert part.time[-1] == time[-1]
 
 
+def test_a_run_out_at_the_end_is_not_taken_for_a_period() -> None:
+    time = np.arange(1000) / 100.0
+    stroke = np.sin(2 * np.pi * 2 * time) * np.where(time > 9.0, 0.4, 1.0)
+    part = overlay("sine", time, stroke, stroke, input=stroke, period=0.5).last(2)
+    assert part.time[-1] == pytest.approx(9.0, abs=0.02)
+    assert np.ptp(part.input) == pytest.approx(2.0, rel=0.01)
+
+
 def test_traces_are_quantiles_over_the_walkers_of_a_step(run) -> None:
     cluster = run.clusters[0]
     traces = extract_traces(cluster)
