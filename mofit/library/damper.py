@@ -19,7 +19,7 @@ DAMPER_INPUTS = (
 DAMPER_OUTPUTS = (Channel("force", "N", "force on the moved end, positive with the displacement"),)
 
 STIFFNESS = Parameter("c", "N/m", 0.0, 1e4, 500.0, description="stiffness at small stroke")
-# not relative to c as the tyre's p_y is: a relative one means nothing where c is 0, and the posterior would have a ridge
+# not relative to c as the tyre's p_y is: where c is 0 a relative one means nothing, and the posterior has a ridge
 PROGRESSION = Parameter("p", "N/m^2", -1e6, 1e6, 0.0, description="change of stiffness with stroke")
 DAMPING = Parameter("d", "N s/m", 1.0, 1e6, 1e3, "log", "damping")
 OFFSET = Parameter("F_0", "N", -500.0, 500.0, 0.0, description="constant force (gas pressure, transducer offset)")
