@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -149,7 +150,7 @@ def identify(
         fixed=by_name("--fix", fix),
         joint=joint,
         seed=seed,
-        **({} if jobs is None else {"jobs": jobs}),
+        jobs=jobs or os.cpu_count() or 1,
     )
     job = Job(file, model, effect, freq, test, settings, out, resume)
     with progress_bar() as progress:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit.assemble import assemble
-from mofit.calibration import Calibration, calibrate, calibrated_values
+from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign import Campaign
 from mofit.errors import InputError, did_you_mean
 from mofit.joint import JointProblem
@@ -30,6 +32,13 @@ from mofit.search import SearchResult, effa
 from mofit.settings import SEARCHES, Settings, free_space
 
 Array = NDArray[np.float64]
+P = TypeVar("P", bound=Problem | JointProblem)
+
+#: Minima of the searched parameters with less weight are not refined with the calibrated ones freed: freeing can raise
+#: a weight, but not a thousandfold.
+WEIGHT_BEFORE_FREEING = 1e-6
+#: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters are freed.
+NEIGHBOURHOOD = 0.01
 
 
 def identify(
@@ -98,8 +107,8 @@ def identify(
         found = _search(dynamic, settings, progress)
     with clock.measure("refine"):
         progress("refine", 0, 1, "")
-        problem, minima = _refine(problem, _lift(found, dynamic, problem, calibrations))
-        plausible = _plausible(minima, settings)
+        dynamic, rough = _refine(dynamic, _starts(found))
+        problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
     with clock.measure("per_frequency"):
         per_test = _per_test(dynamic, settings, progress)
     with clock.measure("baseline"):
@@ -107,7 +116,7 @@ def identify(
     with folder.at_work(configuration) as unfinished:
         journal.write_to(unfinished / "run.log")
         with clock.measure("sample"):
-            modes = _sample(problem, plausible, settings, unfinished / "chains.h5", progress)
+            modes = _sample(problem, minima, settings, unfinished / "chains.h5", progress)
         outcome = Outcome(
             campaign=campaign,
             configuration=configuration,
@@ -157,61 +166,62 @@ def _starts(found: SearchResult) -> Array:
     return found.points[list(dict.fromkeys(int(row) for row in rows))]
 
 
-def _lift(
-    found: SearchResult, dynamic: Problem, problem: Problem | JointProblem, calibrations: list[Calibration]
-) -> Array:
-    """The starts in the coordinates of the main problem."""
-    known = calibrated_values(calibrations)
-    values = dynamic.space.from_unit(_starts(found))
-    columns = [
-        values[:, dynamic.space.index(name)] if name in dynamic.space.names else np.full(len(values), known[name])
-        for name in problem.space.names
-    ]
-    return problem.space.to_unit(np.stack(columns, axis=1))
-
-
-def _refine(problem: Problem | JointProblem, starts: Array) -> tuple[Problem | JointProblem, tuple[Minimum, ...]]:
+def _refine(problem: P, starts: Array) -> tuple[P, tuple[Minimum, ...]]:
     """Refine, count the independent residuals at the best minimum, and refine again under that noise."""
     first = merge(refine(problem.evaluate, starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    if isinstance(problem, JointProblem):
-        problem = replace(problem, main=problem.main.with_noise_at(first[0].point))
-    else:
-        problem = problem.with_noise_at(first[0].point)
+    problem = problem.with_noise_at(first[0].point)
     again = refine(problem.evaluate, np.stack([minimum.point for minimum in first]))
     return problem, merge(again, values=lambda u: -problem.log_posterior(u))
 
 
-def _plausible(minima: tuple[Minimum, ...], settings: Settings) -> list[tuple[Minimum, float]]:
-    """Minima that carry posterior weight, with their log evidence (Laplace)."""
+def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> tuple[list[Minimum], Array]:
+    """Minima that carry posterior weight, and their log evidence (Laplace)."""
     evidence = np.array([laplace_log_evidence(m.value, m.hessian, m.point, m.gradient) for m in minima])
     weights = mode_weights(evidence)
-    order = np.argsort(-evidence)[: settings.most_modes]
-    return [(minima[i], float(evidence[i])) for i in order if weights[i] >= settings.least_weight]
+    kept = [i for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_weight]
+    return [minima[i] for i in kept], evidence[kept]
+
+
+def _refine_all(
+    problem: Problem | JointProblem, dynamic: Problem, minima: tuple[Minimum, ...], known: Mapping[str, float]
+) -> tuple[Problem | JointProblem, tuple[Minimum, ...]]:
+    """Free the calibrated parameters as well, starting from the plausible minima of the searched ones."""
+    candidates, _ = _plausible(minima, WEIGHT_BEFORE_FREEING)
+    values = dynamic.space.from_unit(np.stack([minimum.point for minimum in candidates]))
+    columns = [
+        values[:, dynamic.space.index(name)] if name in dynamic.space.names else np.full(len(values), known[name])
+        for name in problem.space.names
+    ]
+    starts = problem.space.to_unit(np.stack(columns, axis=1))
+    return _refine(problem.near(starts, np.full(len(problem.space), NEIGHBOURHOOD)), starts)
 
 
 def _sample(
     problem: Problem | JointProblem,
-    modes: list[tuple[Minimum, float]],
+    minima: tuple[Minimum, ...],
     settings: Settings,
     path: Path,
     progress: Progress,
 ) -> tuple[Mode, ...]:
-    weights = mode_weights(np.array([evidence for _, evidence in modes]))
+    plausible, evidence = _plausible(minima, settings.least_weight)
+    plausible, evidence = plausible[: settings.most_modes], evidence[: settings.most_modes]
+    weights = mode_weights(evidence)
     sampled = []
-    for number, ((minimum, evidence), weight) in enumerate(zip(modes, weights, strict=True), start=1):
+    for number, minimum in enumerate(plausible, start=1):
+        covariance = laplace_covariance(minimum.hessian)
         chains = sample_mode(
-            problem.log_posterior,
+            problem.near(minimum.point[None], np.sqrt(np.diag(covariance))).log_posterior,
             minimum.point,
-            laplace_covariance(minimum.hessian),
+            covariance,
             (settings.seed, number),
             settings.sampling,
             backend_path=path,
             mode=f"c{number}",
-            progress=partial(_relay, progress, f"sample mode {number} of {len(modes)}"),
+            progress=partial(_relay, progress, f"sample mode {number} of {len(plausible)}"),
         )
-        sampled.append(Mode(f"c{number}", minimum, evidence, float(weight), chains))
+        sampled.append(Mode(f"c{number}", minimum, float(evidence[number - 1]), float(weights[number - 1]), chains))
     return tuple(sampled)
 
 
@@ -231,8 +241,7 @@ def _per_test(dynamic: Problem, settings: Settings, progress: Progress) -> dict[
 def _fit(problem: Problem, settings: Settings) -> Fit:
     """Search and refine without sampling."""
     found = _search(problem, settings, silent)
-    problem, minima = _refine(problem, _starts(found))  # type: ignore[assignment]
-    return Fit(problem, minima)
+    return Fit(*_refine(problem, _starts(found)))
 
 
 def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Settings) -> Fit | None:

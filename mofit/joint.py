@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,14 @@ class JointProblem:
         own = values[:, index]
         stretch = self.space.slope(values)[:, index] / companion.space.slope(own)
         return companion.space.to_unit(own), index, stretch
+
+    def near(self, points: Array, spread: Array) -> JointProblem:
+        """The same, integrated for the neighbourhood of points only; see `Problem.near`."""
+        return replace(self, main=self.main.near(points, spread))
+
+    def with_noise_at(self, u: Array) -> JointProblem:
+        """The same with the main problem's independent residuals counted at a point; the companions keep theirs."""
+        return replace(self, main=self.main.with_noise_at(u))
 
     def objectives(self, u: Array) -> Array:
         """NRMSD per test, shape (N, tests)."""

@@ -27,6 +27,14 @@ from mofit.signals import Record, analyse
 
 Array = NDArray[np.float64]
 
+#: Integration error that is allowed, relative to the output's range. On the paper's rig, 1e-5 is 0.03 N; the noise of a
+#: harmonic is about 0.6 N. Where the noise floor is lower than usual, a share of it, down to the kernel's own default.
+TOLERANCE = 1e-5
+NOISE_SHARE = 2e-3
+TIGHTEST = 1e-6
+#: Standard deviations around a mode that a sampler visits.
+REACH = 8.0
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -53,8 +61,6 @@ class Problem:
         Counted and independent residuals per test.
     prior
         What earlier stages know of some free parameters.
-    jobs
-        Threads.
     """
 
     model: Model
@@ -67,7 +73,6 @@ class Problem:
     drives: tuple[Drive, ...]
     noise: Noise
     prior: GaussianPrior | None = None
-    jobs: int = 1
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -140,6 +145,16 @@ class Problem:
             independent.append(sum(effective_samples(column) for column in columns))
         return replace(self, noise=replace(self.noise, independent=np.array(independent)))
 
+    def near(self, points: Array, spread: Array) -> Problem:
+        """The same problem, integrated for the neighbourhood of points (K, d) with standard deviations (d,) only.
+
+        The number of integration steps need not cover the stiffest corner of the whole box then.
+        """
+        reach = REACH * spread
+        corners = np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0)
+        box = _box(self.system, self.space, self.fixed, corners)
+        return replace(self, simulator=self.simulator.within(box))
+
     def select(self, tests: Sequence[str]) -> Problem:
         """The same problem on some of its tests."""
         index = [self.tests.index(name) for name in tests]
@@ -149,7 +164,7 @@ class Problem:
             measurements=tuple(self.measurements[i] for i in index),
             records=tuple(self.records[i] for i in index),
             drives=drives,
-            simulator=_simulator(self.system, drives, self.space, self.fixed, self.jobs),
+            simulator=self.simulator.select(index),
             noise=Noise(self.noise.count[index], self.noise.independent[index]),
         )
 
@@ -200,7 +215,15 @@ def build_problem(
         for measurement, record in zip(campaign.measurements, records, strict=True)
     )
     count = np.array([np.count_nonzero(drive.weights) for drive in drives], dtype=float)
-    simulator = _simulator(system, drives, space, values, jobs)
+    corners = np.array([[0.0], [1.0]]) * np.ones(len(space))
+    simulator = Simulator(
+        system,
+        drives,
+        space.names,
+        jobs=jobs,
+        tolerance=_tolerance(records, model.outputs[0].name),
+        box=_box(system, space, values, corners),
+    )
     return Problem(
         model=model,
         system=system,
@@ -212,14 +235,18 @@ def build_problem(
         drives=drives,
         noise=Noise(count, count.copy()),
         prior=prior,
-        jobs=jobs,
     )
 
 
-def _simulator(
-    system: System, drives: tuple[Drive, ...], space: ParameterSpace, fixed: Mapping[str, float], jobs: int
-) -> Simulator:
-    """The compiled model; its accuracy is assured over the box, in which a fixed parameter has no width."""
-    lower = np.array([space[name].lower if name in space.names else fixed[name] for name in system.parameters])
-    upper = np.array([space[name].upper if name in space.names else fixed[name] for name in system.parameters])
-    return Simulator(system, drives, space.names, jobs=jobs, box=(lower, upper))
+def _box(system: System, space: ParameterSpace, fixed: Mapping[str, float], corners: Array) -> tuple[Array, Array]:
+    """Bounds of all the system's parameters from corners (2, d) of the unit cube; a fixed one has no width."""
+    values = space.from_unit(corners)
+    columns = [values[:, space.names.index(n)] if n in space.names else np.full(2, fixed[n]) for n in system.parameters]
+    lower, upper = np.stack(columns, axis=1) if columns else np.zeros((2, 0))
+    return lower, upper
+
+
+def _tolerance(records: Sequence[Record], output: str) -> float:
+    """Allowed integration error relative to the output's range, see `TOLERANCE`."""
+    floor = min(record.noise_floor[output] for record in records)
+    return float(np.clip(NOISE_SHARE * floor, TIGHTEST, TOLERANCE))

@@ -22,14 +22,15 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         Its folder.
     """
     seconds = json.loads(tree.attrs["seconds"])
+    units = tree["parameters"].dataset["unit"]
     result = {
         "run": str(run),
         "converged": bool(tree.attrs["converged"]),
         "seconds": {**seconds, "total": round(sum(seconds.values()), 3)},
         "evaluations": json.loads(tree.attrs["evaluations"]),
-        "noise_floor": _per_test(tree["noise_floor"]),
+        "noise_floor": _per_test(tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),
-        "modes": [_mode(name, node, tree["parameters"]) for name, node in tree["clusters"].children.items()],
+        "modes": [_mode(name, node, units) for name, node in tree["clusters"].children.items()],
         "per_frequency": _per_frequency(tree),
         "warnings": json.loads(tree.attrs["warnings"]),
     }
@@ -49,23 +50,23 @@ def _baseline(tree: xr.DataTree) -> dict[str, Any] | None:
     if "baseline" not in tree.children:
         return None
     node = tree["baseline"]
-    return {"model": node.attrs["model"], "nrmsd": _per_test(node["nrmsd"])}
+    return {"model": node.attrs["model"], "nrmsd": _per_test(node.dataset["nrmsd"])}
 
 
-def _mode(name: str, node: xr.DataTree, parameters: xr.DataTree) -> dict[str, Any]:
+def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
     entries = {}
-    for parameter in node["parameter"].values:
+    for parameter in node.dataset["parameter"].values:
         at = node.to_dataset(inherit=False).sel(parameter=parameter)
         entries[str(parameter)] = {
             **{key: _number(at[key]) for key in ("value", "mean", "sd", "q05", "q50", "q95")},
-            "unit": str(parameters["unit"].sel(parameter=parameter).item()),
+            "unit": str(units.sel(parameter=parameter).item()),
             "verdict": str(at["verdict"].item()),
         }
     return {
         "id": name,
         "weight": _number(node.attrs["weight"]),
         "log_evidence": _number(node.attrs["log_evidence"]),
-        "nrmsd": _per_test(node["nrmsd"]),
+        "nrmsd": _per_test(node.dataset["nrmsd"]),
         "parameters": entries,
     }
 
@@ -74,7 +75,7 @@ def _per_frequency(tree: xr.DataTree) -> list[dict[str, Any]]:
     """One entry per test and minimum, as in the paper's Table 4."""
     if "per_frequency" not in tree.children:
         return []
-    node = tree["per_frequency"].to_dataset(inherit=False)
+    node = tree["per_frequency"].dataset
     rows = []
     for test in node["test"].values:
         for minimum in range(node.sizes["minimum"]):

@@ -52,16 +52,25 @@ def _notes_only(console: Console) -> Listener:
     return listen
 
 
+#: Tables are not squeezed below this many columns where the output is no terminal.
+WIDTH = 120
+
+
+def _console() -> Console:
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)
+
+
 def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     """The modes of a finished run, one table each."""
-    console = Console()
+    console = _console()
     for mode in summary["modes"]:
         worst = max(mode["nrmsd"].values())
         table = Table(title=f"{mode['id']}: weight {mode['weight']:.3g}, NRMSD up to {100 * worst:.3g} %")
         for heading in ("parameter", "minimum", "mean", "sd", "5 %", "95 %", "unit", "verdict"):
             table.add_column(heading, justify="left" if heading in ("parameter", "unit", "verdict") else "right")
         for name, entry in mode["parameters"].items():
-            numbers = [f"{entry[key]:.5g}" for key in ("value", "mean", "sd", "q05", "q95")]
+            numbers = [f"{entry[key]:.4g}" for key in ("value", "mean", "sd", "q05", "q95")]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
     for warning in summary["warnings"]:
@@ -73,7 +82,7 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
 
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
-    console = Console()
+    console = _console()
     table = Table(*(column.replace("_", " ") for column in headings(rows)))
     for row in rows:
         table.add_row(*(cell(row.get(heading)) for heading in headings(rows)))
