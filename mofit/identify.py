@@ -171,9 +171,9 @@ def _refine(problem: P, starts: Array) -> tuple[P, tuple[Minimum, ...]]:
     first = merge(refine(problem.evaluate, starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    problem = problem.with_noise_at(first[0].point)
-    again = refine(problem.evaluate, np.stack([minimum.point for minimum in first]))
-    return problem, merge(again, values=lambda u: -problem.log_posterior(u))
+    counted: P = problem.with_noise_at(first[0].point)  # type: ignore[assignment]  # each returns its own kind
+    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
+    return counted, merge(again, values=lambda u: -counted.log_posterior(u))
 
 
 def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> tuple[list[Minimum], Array]:

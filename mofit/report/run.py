@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 SHOWN = 4
 """Clusters that get figures of their own; tables list all."""
 
+_HALF = ("weak", "limit")
+"""Words of a verdict that says something of the parameter, but not its value."""
+
 PLAUSIBLE = 0.01
 """Posterior weight from which a solution counts as plausible."""
 
@@ -90,7 +93,7 @@ class Cluster:
                 grades.append("bad")
             elif verdict:
                 plain = verdict.lower().startswith("identified") or "well" in verdict.lower()
-                grades.append("good" if plain else "fair" if "weak" in verdict.lower() else "bad")
+                grades.append("good" if plain else "fair" if any(word in verdict.lower() for word in _HALF) else "bad")
             elif np.isnan(contraction):
                 grades.append("unknown")
             else:
@@ -191,6 +194,11 @@ class Run:
             return np.where(log, np.log(np.maximum(x, tiny)), x)
 
         return (scaled(values) - scaled(lower)) / (scaled(upper) - scaled(lower))
+
+    def moved(self, points: Array, names: list[str]) -> list[int]:
+        """Places of the parameters that differ between points by more than a thousandth of the box (all if none does)."""
+        spread = np.ptp(self.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))
+        return [k for k in range(len(names)) if spread[k] > 1e-3] or [*range(len(names))]
 
     def json(self, attribute: str) -> Any:
         """A root attribute that holds JSON."""

@@ -1,4 +1,4 @@
-"""The search: every point evaluated, the bests it stored, the solutions, and the front of trade-offs (Figure 9)."""
+"""The search: every point evaluated, the bests it stored, and the solutions (Hackl et al. 2016, Figure 9)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
-from mofit.report.display import count, math_symbol, number
+from mofit.report.display import count, math_symbol
+from mofit.report.front import extract_front, front_figure
 from mofit.report.page import Block, Figure, Section, Text
 from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import (
-    FLOOR,
     MEASURED,
     cluster_colour,
     few_ticks,
@@ -44,20 +43,6 @@ class SearchMap:
     minima: dict[str, Array]
 
 
-@dataclass(frozen=True)
-class Front:
-    """Non-dominated points: NRMSD per objective, and their place in the search box (0 to 1)."""
-
-    objectives: list[str]
-    parameters: list[str]
-    moved: list[int]
-    nrmsd: Array
-    place: Array
-    noise_floor: Array
-    minima_nrmsd: dict[str, Array]
-    minima_place: dict[str, Array]
-
-
 def extract_search(run: Run) -> SearchMap | None:
     """The search's history, or None where the run has none."""
     node = run.group("search")
@@ -70,43 +55,12 @@ def extract_search(run: Run) -> SearchMap | None:
     empty = np.empty((0, len(names)))
     return SearchMap(
         parameters=names,
-        moved=_moved(run, numbers(node, "points"), names),
+        moved=run.moved(numbers(node, "points"), names),
         points=numbers(node, "points")[order],
         nrmsd=nrmsd[order],
         stored=numbers(node, "stored") if "stored" in node.variables else empty,
         fireflies=numbers(node, "fireflies") if "fireflies" in node.data_vars else empty,
         minima={c.name: c.array("value") for c in run.clusters if c.parameters == names},
-    )
-
-
-def _moved(run: Run, points: Array, names: list[str]) -> list[int]:
-    """Places of the parameters that differ between points by more than a thousandth of the box (all if none does)."""
-    spread = np.ptp(run.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))
-    return [k for k in range(len(names)) if spread[k] > 1e-3] or [*range(len(names))]
-
-
-def extract_front(run: Run) -> Front | None:
-    """The non-dominated points, or None where the run has none."""
-    node = run.group("front")
-    if node is None or node.sizes.get("point", 0) == 0:
-        return None
-    names, objectives = labels(node, "parameter"), labels(node, "objective")
-    same = [c for c in run.clusters if c.parameters == names]
-    floor = dict(zip(run.tests, run.of_tests("noise_floor"), strict=True))
-
-    def of_objectives(values: Array) -> Array:
-        known = dict(zip(run.tests, values, strict=True))
-        return np.array([known.get(objective, np.nan) for objective in objectives])
-
-    return Front(
-        objectives=objectives,
-        parameters=names,
-        moved=_moved(run, numbers(node, "parameters"), names),
-        nrmsd=numbers(node, "nrmsd"),
-        place=run.to_unit(numbers(node, "parameters"), names),
-        noise_floor=np.array([floor.get(objective, np.nan) for objective in objectives]),
-        minima_nrmsd={c.name: of_objectives(numbers(c.node, "nrmsd")) for c in same},
-        minima_place={c.name: run.to_unit(c.array("value"), names) for c in same},
     )
 
 
@@ -174,23 +128,6 @@ def draw_search(found: SearchMap, x: int, y: int | None, log: np.ndarray, axes: 
     return axes
 
 
-def draw_front(values: Array, minima: dict[str, Array], labels: list[str], axes: Axes) -> Axes:
-    """Parallel coordinates: a line per point, a thick line per solution."""
-    x = np.arange(values.shape[1])
-    shade = np.linspace(0.15, 0.75, len(values))
-    lines = LineCollection([np.column_stack([x, row]) for row in values], cmap="Greys_r", lw=0.7, alpha=0.6)
-    lines.set_array(shade)
-    lines.set_clim(0, 1)
-    axes.add_collection(lines)
-    for k, line in reversed([*enumerate(minima.values())]):
-        axes.plot(x, line, color=cluster_colour(k), lw=2.2, marker="o", ms=4)
-    crowded = len(labels) > 6
-    axes.set_xticks(x, labels, rotation=40 if crowded else 0, ha="right" if crowded else "center")
-    axes.set_xlim(-0.15, max(len(labels) - 0.85, 0.15))
-    axes.grid(visible=True, axis="x")
-    return axes
-
-
 def search_section(run: Run) -> Section | None:
     """Maps of the search, and the front."""
     found, front = extract_search(run), extract_front(run)
@@ -207,7 +144,7 @@ def search_section(run: Run) -> Section | None:
         )
         blocks.append(_map(run, found))
     if front is not None and len(front.objectives) > 1:
-        blocks.append(_parallel(run, front))
+        blocks.append(front_figure(front))
     if not blocks:
         return None
     return Section("search", "Search", blocks, {"search": found, "front": front})
@@ -249,34 +186,3 @@ def _handles(found: SearchMap) -> list[Line2D]:
     if len(found.fireflies) and len(found.moved) > 1:
         handles.append(line_key("#57606a", "final swarm", ls="none", marker="^", mfc="none", ms=5))
     return handles
-
-
-def _parallel(run: Run, front: Front) -> Figure:
-    order = np.argsort(-front.nrmsd.mean(axis=1))
-    moved, both = front.moved, len(front.moved) > 1
-    canvas, axes, _ = panels(1 + both, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
-    minima = {name: 100 * value for name, value in front.minima_nrmsd.items()}
-    left = draw_front(100 * front.nrmsd[order], minima, front.objectives, axes[0])
-    left.plot(np.arange(len(front.objectives)), 100 * front.noise_floor, color=FLOOR, lw=2)
-    left.set_ylabel("NRMSD (%)")
-    left.set_ylim(0, 1.05 * 100 * float(np.nanmax(front.nrmsd)))
-    if both:
-        names = [math_symbol(front.parameters[k]) for k in moved]
-        places = {name: place[moved] for name, place in front.minima_place.items()}
-        right = draw_front(front.place[order][:, moved], places, names, axes[1])
-        right.set_ylim(-0.02, 1.02)
-        right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
-    handles = [line_key(cluster_colour(k), f"solution {name}", marker="o", ms=4) for k, name in enumerate(minima)]
-    legend_above(canvas, [*handles[:4], line_key("#999999", "front", lw=1), line_key(FLOOR, "noise floor", lw=2)])
-    best = number(100 * float(front.nrmsd.mean(axis=1).min()))
-    return Figure(
-        image_of(canvas),
-        "Parallel coordinates of the non-dominated points",
-        f"{len(front.nrmsd)} points of which none is better than another at every test (smallest mean {best} %). "
-        f"Left the error of "
-        "each at each test, right its parameters inside the search box.",
-        good="the lines run close together: one set of parameters serves all tests.",
-        bad="lines cross between tests on the left and spread on the right: each test wants other parameters, so "
-        "the model "
-        "lacks something that changes between them.",
-    )

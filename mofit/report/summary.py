@@ -168,7 +168,7 @@ def _pinned(run: Run, found: Headline) -> Markup:
         return Markup("<b>Parameters.</b> Nothing was sampled, so it is not known how well the data pin them.")
     if not found.unpinned:
         return Markup("<b>Parameters.</b> The data pin all {} parameters.").format(len(run.clusters[0].parameters))
-    text = Markup("<b>Parameters.</b> The data do not pin {}: its value may be read as a range only").format(
+    text = Markup("<b>Parameters.</b> The data do not pin {}: read it as a range, not as a value").format(
         listed([symbol(name) for name in found.unpinned])
     )
     if found.at_bound:

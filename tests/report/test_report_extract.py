@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from mofit.report.convergence import extract_traces
 from mofit.report.corner import draw_corner, extract_corner
 from mofit.report.error_per_test import draw_errors, extract_errors
+from mofit.report.front import extract_front
 from mofit.report.overlay import Overlay, extract_overlays
 from mofit.report.per_frequency import extract_per_test
 from mofit.report.posterior import correlation, extract_marginals, open_directions
 from mofit.report.run import Cluster, Run
-from mofit.report.search_map import extract_front, extract_search, pairs
+from mofit.report.search_map import extract_search, pairs
 from mofit.report.spectrum import extract_spectra
 
 
@@ -239,6 +240,7 @@ def test_traces_are_quantiles_over_the_walkers_of_a_step(run) -> None:
         ("identified", 0.9, 0, "good"),
         ("identified", 0.9, 1, "bad"),
         ("weakly identified", 0.6, 0, "fair"),
+        ("lower limit only", 0.9, 0, "fair"),
         ("not identifiable", 0.9, 0, "bad"),
         ("", 0.9, 0, "good"),
         ("", 0.2, 0, "bad"),
