@@ -92,8 +92,8 @@ class Cluster:
             if bound:
                 grades.append("bad")
             elif verdict:
-                plain = verdict.lower().startswith("identified") or "well" in verdict.lower()
-                grades.append("good" if plain else "fair" if any(word in verdict.lower() for word in _HALF) else "bad")
+                half = any(word in verdict.lower() for word in _HALF)
+                grades.append("good" if verdict.lower().startswith("identified") else "fair" if half else "bad")
             elif np.isnan(contraction):
                 grades.append("unknown")
             else:
@@ -196,7 +196,7 @@ class Run:
         return (scaled(values) - scaled(lower)) / (scaled(upper) - scaled(lower))
 
     def moved(self, points: Array, names: list[str]) -> list[int]:
-        """Places of the parameters that differ between points by more than a thousandth of the box (all if none does)."""
+        """Places of the parameters that differ between points by over a thousandth of the box (all if none does)."""
         spread = np.ptp(self.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))
         return [k for k in range(len(names)) if spread[k] > 1e-3] or [*range(len(names))]
 
