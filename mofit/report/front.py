@@ -56,8 +56,8 @@ def extract_front(run: Run) -> Front | None:
 def draw_front(values: Array, minima: dict[str, Array], labels: list[str], axes: Axes) -> Axes:
     """Parallel coordinates: a line per point, a thick line per solution."""
     x = np.arange(values.shape[1])
-    shade = np.linspace(0.15, 0.75, len(values))
-    lines = LineCollection([np.column_stack([x, row]) for row in values], cmap="Greys_r", lw=0.7, alpha=0.6)
+    shade = np.linspace(0.3, 0.95, len(values))
+    lines = LineCollection([np.column_stack([x, row]) for row in values], cmap="Greys", lw=0.7, alpha=0.6)
     lines.set_array(shade)
     lines.set_clim(0, 1)
     axes.add_collection(lines)
@@ -71,7 +71,7 @@ def draw_front(values: Array, minima: dict[str, Array], labels: list[str], axes:
 
 
 def front_figure(front: Front) -> Figure:
-    """Errors at the tests on the left, parameters that moved on the right; light lines are the better ones."""
+    """Errors at the tests on the left, parameters that moved on the right; dark lines are the better ones."""
     order = np.argsort(-front.nrmsd.mean(axis=1))
     moved, both = front.moved, len(front.moved) > 1
     canvas, axes, _ = panels(1 + both, 2, 2.5, margin=(0.65, 0.95, 0.15, 0.5), gap=(0.8, 0.0))
@@ -94,7 +94,7 @@ def front_figure(front: Front) -> Figure:
         "Parallel coordinates of the non-dominated points",
         f"{len(front.nrmsd)} points of which none is better than another at every test (smallest mean {best} %). "
         f"Left the error of "
-        "each at each test, right its parameters inside the search box.",
+        "each at each test, right its parameters inside the search box; dark is better.",
         good="the lines run close together: one set of parameters serves all tests.",
         bad="lines cross between tests on the left and spread on the right: each test wants other parameters, so "
         "the model "
