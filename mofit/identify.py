@@ -24,7 +24,7 @@ from mofit.posing import choose_tests, dynamic_problem, main_problem, search_wei
 from mofit.problem import Problem
 from mofit.progress import Progress, silent
 from mofit.refine import Minimum, merge, refine
-from mofit.report import build_report
+from mofit.report import write_report
 from mofit.result import write_result
 from mofit.run import plan_folder
 from mofit.sample import laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
@@ -132,11 +132,10 @@ def identify(
             seconds=clock.seconds,
             warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
         )
-        with clock.measure("write"):
-            write_result(assemble(outcome), unfinished)
-        with clock.measure("report"):
-            progress("report", 0, 1, "")
-            build_report(unfinished)
+        progress("write", 0, 1, "result and report")
+        tree = assemble(outcome)
+        write_result(tree, unfinished)
+        write_report(tree, unfinished)
         for warning in outcome.warnings:
             journal.note(f"warning: {warning}")
         journal.note("converged" if outcome.converged else "NOT converged")

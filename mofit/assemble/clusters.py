@@ -106,7 +106,7 @@ def _sample_stats(mode: Mode) -> xr.Dataset:
             "step": quantity(("chain", "draw"), draws.step, "1", "step of the ensemble"),
         },
         _axes(draws.points),
-        {"acceptance": float(np.mean(mode.chains.acceptance))},
+        {"acceptance": mode.chains.acceptance.tolist()},
     )
 
 
