@@ -28,7 +28,7 @@ class Oscillator(Model):
 
     name = "oscillator"
     title = "linear oscillator"
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("k", "N/m", 1e-2, 1e4, 10.0, "log", "stiffness"),
         Parameter("f_0", "Hz", 0.1, 1e3, 10.0, "log", "natural frequency without damping"),
         Parameter("zeta", "1", 1e-3, 2.0, 0.05, "log", "damping ratio"),

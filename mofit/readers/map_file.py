@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from mofit.errors import Fault, InputError, did_you_mean
+from mofit.toml_file import read_toml
 from mofit.units import UnitError, si_unit, to_si
 
 
@@ -91,17 +91,7 @@ def read_map(path: Path) -> ImportMap:
     InputError
         With every fault: no TOML, unknown or missing keys, values of the wrong kind.
     """
-    where = f"map '{path.name}'"
-    if not path.is_file():
-        raise InputError.of(where, f"there is no file '{path}'", "Check the path")
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError.of(where, f"no valid TOML: {error}", "Mend that line") from error
-    try:
-        return ImportMap.model_validate(_with_defaults(content))
-    except ValidationError as error:
-        raise InputError([_fault(where, dict(problem)) for problem in error.errors()]) from error
+    return read_toml(path, "map", ImportMap, _with_defaults, _fault)
 
 
 def quantity(where: str, value: Quantity, unit: str | None) -> tuple[float, str]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from mofit.errors import Fault, InputError, did_you_mean
+from mofit.errors import Fault, did_you_mean
 from mofit.labels import KINDS
 from mofit.readers.map_file import Quantity
+from mofit.toml_file import read_toml
 
 DOCS = "docs/models.md lists every key"
 
@@ -131,17 +131,7 @@ def read_plan(path: Path) -> Plan:
     InputError
         With every fault: no file, no TOML, unknown or missing keys, values of the wrong kind.
     """
-    where = f"plan '{path.name}'"
-    if not path.is_file():
-        raise InputError.of(where, f"there is no file '{path}'", "Check the path")
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError.of(where, f"no valid TOML: {error}", "Mend that line") from error
-    try:
-        return Plan.model_validate(_with_defaults(content))
-    except ValidationError as error:
-        raise InputError([_fault(where, dict(problem)) for problem in error.errors()]) from error
+    return read_toml(path, "plan", Plan, _with_defaults, _fault)
 
 
 def _with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
