@@ -22,6 +22,7 @@ app = App(
     version=__version__,
     help="Identify dynamic models from test-bench data, with every plausible solution and an honest spread.",
     help_format="rich",
+    suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative="", show_default=lambda value: value not in (False, ())),
 )
 

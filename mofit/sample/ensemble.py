@@ -125,6 +125,7 @@ def advance(
     sampler = emcee.EnsembleSampler(
         *ensemble.positions.shape, log_posterior, moves=mixture, vectorize=True, backend=emcee.backends.Backend()
     )
+    sampler.log_prob_fn = log_posterior  # emcee's wrapper prints every exception, an interruption too
     before = emcee.State(ensemble.positions, log_prob=ensemble.log_prob, random_state=ensemble.random_state, copy=True)
     after = sampler.run_mcmc(before, steps, skip_initial_state_check=True)
     return Ensemble(

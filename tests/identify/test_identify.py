@@ -121,23 +121,33 @@ def test_other_seed_other_draws(rig, tree):
     assert other.mean().item() == pytest.approx(tree["clusters/c1/posterior/k"].mean().item(), abs=1e-3)
 
 
-def test_killed_and_resumed_gives_the_same_numbers(rig, tree):
+def interrupted(rig, out, how):
+    """The rig's run, ended by a signal as soon as chains are on disk; its exit code, errors, and the command."""
     file, model = rig
-    out = file.parent / "killed"
-    chains = out.with_name("killed.partial") / "chains.h5"
+    chains = out.with_name(f"{out.name}.partial") / "chains.h5"
     command = [sys.executable, "-m", "mofit", "identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    deadline = time.monotonic() + 60
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
     while not chains.exists() and not out.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    assert chains.exists(), "the run ended before it could be killed"
+    os.kill(process.pid, how)
+    _, errors = process.communicate()
+    assert chains.exists(), "the run ended before it could be stopped"
+    return process.returncode, errors, command
+
+
+@pytest.mark.parametrize(("how", "code", "words"), [(signal.SIGKILL, -9, ""), (signal.SIGINT, 130, "--resume")])
+def test_interrupted_and_resumed_gives_the_same_numbers(how, code, words, rig, tree):
+    out = rig[0].parent / how.name
+    returned, errors, command = interrupted(rig, out, how)
+    assert returned == code
+    assert words in errors
+    assert "Traceback" not in errors
     done = subprocess.run([*command, "--resume", "--json"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["run"] == str(out)
     same_values(open_result(out), tree.copy(deep=True))
-    assert not chains.exists()
+    assert not list(out.parent.glob(f"{out.name}*.partial"))
 
 
 def test_one_frequency_alone(rig):

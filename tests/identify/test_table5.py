@@ -1,0 +1,46 @@
+"""The paper's programme simulated with its Table 5 and 1 % noise: the truth comes back."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mofit.identify import identify
+from mofit.library import find_model
+from mofit.result import open_result
+from mofit.settings import Settings
+from mofit.simulate import simulate
+from mofit.summary import summary
+
+PLAN = Path(__file__).parents[2] / "data" / "plans" / "table5.toml"
+TABLE_5 = {"d_y": 281.0, "c_M": 19910.0, "d_M": 7535.0}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    folder, _ = identify(
+        simulate(PLAN), find_model("maxwell_tyre"), Settings(seed=3, jobs=1), out=tmp_path_factory.mktemp("t5") / "run"
+    )
+    return summary(open_result(folder), folder)
+
+
+def test_truth_within_three_standard_deviations(found):
+    assert found["converged"]
+    for name, truth in TABLE_5.items():
+        parameter = found["modes"][0]["parameters"][name]
+        assert abs(parameter["mean"] - truth) < 3 * parameter["sd"]
+        assert parameter["verdict"] == "identified"
+
+
+def test_error_is_the_noise_floor(found):
+    """On average within 2 %; a single test's floor is itself known to about 1 %."""
+    ratios = [value / found["noise_floor"][test] for test, value in found["modes"][0]["nrmsd"].items()]
+    assert np.mean(ratios) == pytest.approx(1, abs=0.02)
+    assert ratios == pytest.approx(np.ones(len(ratios)), abs=0.05)
+
+
+def test_baseline_and_single_tests_stand_beside(found):
+    best = found["modes"][0]["nrmsd"]
+    assert found["baseline"]["model"] == "kelvin_voigt_tyre"
+    assert all(found["baseline"]["nrmsd"][test] > best[test] for test in best if test >= "sine_1")
+    assert {row["test"] for row in found["per_frequency"]} == set(best)
