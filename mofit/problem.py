@@ -137,13 +137,13 @@ class Problem:
         return self.simulator.simulate(self.full(u))
 
     def with_noise_at(self, u: Array) -> Problem:
-        """The problem with the independent residuals counted at one point u (d,)."""
+        """The problem with its noise as seen at one point u (d,)."""
         independent = []
         for drive, output in zip(self.drives, self.simulate(u[None]), strict=True):
             used = drive.weights[:, 0] > 0
             columns = (output[0] - drive.measured)[used].T
             independent.append(sum(effective_samples(column) for column in columns))
-        return replace(self, noise=replace(self.noise, independent=np.array(independent)))
+        return replace(self, noise=self.noise.at(self.objectives(u[None])[0], np.array(independent)))
 
     def near(self, points: Array, spread: Array) -> Problem:
         """The same problem, integrated for the neighbourhood of points (K, d) with standard deviations (d,) only.
@@ -165,7 +165,7 @@ class Problem:
             records=tuple(self.records[i] for i in index),
             drives=drives,
             simulator=self.simulator.select(index),
-            noise=Noise(self.noise.count[index], self.noise.independent[index]),
+            noise=self.noise.select(index),
         )
 
 
@@ -215,13 +215,14 @@ def build_problem(
         for measurement, record in zip(campaign.measurements, records, strict=True)
     )
     count = np.array([np.count_nonzero(drive.weights) for drive in drives], dtype=float)
+    floor = np.array([_floor(record, model) for record in records])
     corners = np.array([[0.0], [1.0]]) * np.ones(len(space))
     simulator = Simulator(
         system,
         drives,
         space.names,
         jobs=jobs,
-        tolerance=_tolerance(records, model.outputs[0].name),
+        tolerance=float(np.clip(NOISE_SHARE * floor.min(), TIGHTEST, TOLERANCE)),
         box=_box(system, space, values, corners),
     )
     return Problem(
@@ -233,7 +234,7 @@ def build_problem(
         fixed=values,
         simulator=simulator,
         drives=drives,
-        noise=Noise(count, count.copy()),
+        noise=Noise(count, floor, count.copy()),
         prior=prior,
     )
 
@@ -246,7 +247,6 @@ def _box(system: System, space: ParameterSpace, fixed: Mapping[str, float], corn
     return lower, upper
 
 
-def _tolerance(records: Sequence[Record], output: str) -> float:
-    """Allowed integration error relative to the output's range, see `TOLERANCE`."""
-    floor = min(record.noise_floor[output] for record in records)
-    return float(np.clip(NOISE_SHARE * floor, TIGHTEST, TOLERANCE))
+def _floor(record: Record, model: Model) -> float:
+    """NRMSD of the noise of all outputs together."""
+    return float(np.sqrt(np.mean([record.noise_floor.get(c.name, 0.0) ** 2 for c in model.outputs])))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from mofit.assemble.comparison import laplace_sd
 from mofit.assemble.signals import predictions, predictive
+from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
 from mofit.result import quantity
@@ -31,7 +32,7 @@ def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
         groups[f"{path}/prediction"] = predictions(outcome.problem, mode.minimum.point)
         groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
         groups[f"{path}/sample_stats"] = _sample_stats(mode)
-        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, draws.points)
+        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode.minimum.point[None], draws.points)
         groups[f"{path}/posterior_predictive"] = predictive(outcome.problem, _few(outcome.problem, draws.points))
     return groups
 
@@ -110,14 +111,15 @@ def _sample_stats(mode: Mode) -> xr.Dataset:
     )
 
 
-def _log_likelihood(problem: Problem, draws: Array) -> xr.Dataset:
-    r"""Log likelihood per test, :math:`-\tfrac{\nu_t}{2} \log C_t` (variance marginalised, constant left out)."""
+def _log_likelihood(problem: Problem, minimum: Array, draws: Array) -> xr.Dataset:
     chains, count, dimension = draws.shape
-    squared = problem.objectives(draws.reshape(-1, dimension)) ** 2
-    values = (-0.5 * problem.noise.independent * np.log(squared)).reshape(chains, count, -1)
+    costs = [
+        problem.objectives(points) ** 2 * problem.noise.count for points in (draws.reshape(-1, dimension), minimum)
+    ]
+    values = test_log_likelihood(costs[0], costs[1][0], problem.noise).reshape(chains, count, -1)
     return xr.Dataset(
         {
-            test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}")
+            test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}, constant left out")
             for i, test in enumerate(problem.tests)
         },
         _axes(draws),

@@ -67,6 +67,7 @@ def _root(outcome: Outcome) -> xr.Dataset:
         "noise_floor": quantity("test", [r.noise_floor[output.name] for r in records], "1", "NRMSD of the noise alone"),
         "range": quantity("test", spread, output.unit, "peak-to-peak of the output"),
         "weight": quantity("test", outcome.weights, "1", "weight in the search"),
+        "gap": quantity((), outcome.problem.noise.gap, "1", "NRMSD that the model misses, common to all tests"),
         "independent": quantity("test", problem.noise.independent, "1", "independent residuals"),
     }
     campaign = outcome.campaign

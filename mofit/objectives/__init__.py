@@ -3,9 +3,11 @@
 from mofit.objectives.likelihood import (
     Noise,
     TestSums,
+    common_gap,
     effective_samples,
     likelihood_terms,
     negative_log_likelihood,
+    test_log_likelihood,
 )
 from mofit.objectives.nrmsd import nrmsd
 from mofit.objectives.prior import GaussianPrior
@@ -14,8 +16,10 @@ __all__ = [
     "GaussianPrior",
     "Noise",
     "TestSums",
+    "common_gap",
     "effective_samples",
     "likelihood_terms",
     "negative_log_likelihood",
     "nrmsd",
+    "test_log_likelihood",
 ]

@@ -1,21 +1,24 @@
-r"""Likelihood with each test's noise level marginalised.
+r"""Likelihood of all tests: relative noise levels known, overall level marginalised.
 
-Residuals of test :math:`t` are taken as Gaussian with an unknown variance of its own; with Jeffreys' prior
-:math:`1/\sigma_t` the variance integrates out:
+Residuals of test :math:`t`, relative to the range of its output, are Gaussian with variance :math:`s^2 v_t`. The
+relative variances :math:`v_t` are fixed beforehand (`Noise`): the test's noise floor plus a gap common to all tests.
+The overall level :math:`s` is unknown and integrated out under Jeffreys' prior :math:`1/s`:
 
-.. math:: -\log L(\theta) = \sum_t \tfrac{\nu_t}{2} \log C_t(\theta)
+.. math:: -\log L(\theta) = \tfrac{\nu}{2} \log Q(\theta), \qquad
+          Q = \sum_t \frac{\nu_t}{n_t v_t} C_t(\theta), \quad \nu = \sum_t \nu_t
 
-where :math:`C_t` is the sum of squared residuals and :math:`\nu_t` the number of *independent* residuals. White noise
-has :math:`\nu_t = n_t`; coloured noise or a systematic misfit, which repeats from period to period, has far fewer
-(`effective_samples`), and the posterior widens accordingly.
+with :math:`C_t` the sum of squared residuals, :math:`n_t` their number and :math:`\nu_t` how many of them are
+*independent*. White noise has :math:`\nu_t = n_t`; coloured noise or a systematic misfit, which repeats from period to
+period, has far fewer (`effective_samples`), and the posterior widens accordingly.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 
@@ -25,10 +28,40 @@ RESIDUAL_FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Noise:
-    """How many residuals each test has, and how many of them are independent; shapes (tests,)."""
+    """What is known of the residuals of each test; shapes (tests,).
+
+    Parameters
+    ----------
+    count
+        Residuals that are judged.
+    floor
+        NRMSD of the noise alone, from repeated periods.
+    independent
+        How many residuals are independent; all of them, to begin with.
+    gap
+        NRMSD of what the model misses, common to all tests; infinite, to begin with: equal weight for every test's
+        NRMSD², the paper's objective.
+    """
 
     count: Array
+    floor: Array
     independent: Array
+    gap: float = np.inf
+
+    @property
+    def variance(self) -> Array:
+        """Relative variances v_t, up to a common factor."""
+        if np.isinf(self.gap):
+            return np.ones_like(self.floor)
+        return self.floor**2 + self.gap**2 + RESIDUAL_FLOOR**2
+
+    def select(self, index: list[int]) -> Noise:
+        """The noise of some of the tests."""
+        return replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
+
+    def at(self, nrmsd: Array, independent: Array) -> Noise:
+        """Noise as seen at a point: independent residuals counted there, gap estimated from the NRMSD (tests,)."""
+        return replace(self, independent=independent, gap=common_gap(nrmsd, self.floor, independent))
 
 
 @dataclass(frozen=True)
@@ -40,6 +73,29 @@ class TestSums:
     cost: Array
     gradient: Array
     normal: Array
+
+
+def common_gap(nrmsd: Array, floor: Array, independent: Array) -> float:
+    r"""Maximum-likelihood gap :math:`m \ge 0` of :math:`\mathrm{NRMSD}_t^2 \sim f_t^2 + m^2`.
+
+    Solves :math:`\sum_t \nu_t (v_t - \mathrm{NRMSD}_t^2) / v_t^2 = 0`, :math:`v_t = f_t^2 + m^2`; 0 where the floors
+    alone explain the residuals.
+
+    Parameters
+    ----------
+    nrmsd, floor, independent
+        Per test: residual, noise floor, independent residuals.
+    """
+    base = floor**2 + RESIDUAL_FLOOR**2
+
+    def excess(square: float) -> float:
+        variance = base + square
+        return float(np.sum(independent * (variance - nrmsd**2) / variance**2))
+
+    largest = float(np.max(nrmsd**2))
+    if excess(0.0) >= 0 or largest == 0:
+        return 0.0
+    return float(np.sqrt(brentq(excess, 0.0, largest, rtol=1e-12)))
 
 
 def effective_samples(residuals: Array) -> float:
@@ -62,23 +118,39 @@ def effective_samples(residuals: Array) -> float:
     return float(min(len(residuals), 4 * total**2 / (power**2).sum()))
 
 
+def _weights(noise: Noise) -> tuple[Array, float, float]:
+    """Weight of each test's cost in Q, the number of independent residuals, and what perfect data leave of Q."""
+    weights = noise.independent / (noise.count * noise.variance)
+    return weights, float(noise.independent.sum()), float(np.sum(weights * noise.count) * RESIDUAL_FLOOR**2)
+
+
 def negative_log_likelihood(cost: Array, noise: Noise) -> Array:
     """Negative log likelihood up to a constant, shape (N,), from the costs (N, T); nan where a test failed."""
-    floor = noise.count * RESIDUAL_FLOOR**2
-    return np.sum(0.5 * noise.independent * np.log(cost / noise.count + floor / noise.count), axis=-1)
+    weights, independent, rest = _weights(noise)
+    return np.asarray(0.5 * independent * np.log(cost @ weights + rest))
 
 
 def likelihood_terms(sums: TestSums, noise: Noise) -> tuple[Array, Array, Array]:
     r"""Negative log likelihood (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d).
 
-    .. math:: \nabla = \sum_t \nu_t g_t / C_t, \qquad H \approx \sum_t \nu_t N_t / C_t
+    .. math:: \nabla = \frac{\nu}{Q} \sum_t w_t g_t, \qquad H \approx \frac{\nu}{Q} \sum_t w_t N_t
 
-    The Hessian leaves out :math:`-2 \nu_t g_t g_t^T / C_t^2`, which vanishes where every test is at its minimum, and
-    stays positive semi-definite.
+    with :math:`w_t = \nu_t / (n_t v_t)`. The Hessian leaves out :math:`-2 \nabla \nabla^T / \nu`, which vanishes at the
+    minimum, and stays positive semi-definite.
     """
-    share = noise.independent / (sums.cost + noise.count * RESIDUAL_FLOOR**2)
+    weights, independent, rest = _weights(noise)
+    scale = independent / (sums.cost @ weights + rest)
     return (
         negative_log_likelihood(sums.cost, noise),
-        np.einsum("nt,ntd->nd", share, sums.gradient),
-        np.einsum("nt,ntde->nde", share, sums.normal),
+        scale[:, None] * np.einsum("t,ntd->nd", weights, sums.gradient),
+        scale[:, None, None] * np.einsum("t,ntde->nde", weights, sums.normal),
     )
+
+
+def test_log_likelihood(cost: Array, best: Array, noise: Noise) -> Array:
+    r"""Log likelihood per test :math:`-\tfrac12 w_t C_t / s^2`, shape (N, T), the level s as at the best point (T,)."""
+    weights, independent, rest = _weights(noise)
+    return np.asarray(-0.5 * cost * weights * independent / (best @ weights + rest))
+
+
+test_log_likelihood.__test__ = False  # type: ignore[attr-defined]  # not a pytest function

@@ -9,6 +9,7 @@ from mofit.objectives import (
     GaussianPrior,
     Noise,
     TestSums,
+    common_gap,
     effective_samples,
     likelihood_terms,
     negative_log_likelihood,
@@ -63,10 +64,15 @@ def _sums(theta):
     )
 
 
-def test_likelihood_gradient_matches_differences():
-    noise = Noise(np.array([30.0, 50.0]), np.array([20.0, 50.0]))
+FLOOR = np.array([0.1, 0.3])
+
+
+@pytest.mark.parametrize("gap", [np.inf, 0.2, 0.0])
+def test_likelihood_gradient_matches_differences(gap):
+    noise = Noise(np.array([30.0, 50.0]), FLOOR, np.array([20.0, 50.0]), gap)
     theta, step = np.array([0.3, -0.7]), 1e-6
-    _, gradient, hessian = likelihood_terms(_sums(theta), noise)
+    value, gradient, hessian = likelihood_terms(_sums(theta), noise)
+    assert value == pytest.approx(negative_log_likelihood(_sums(theta).cost, noise))
     for i in range(2):
         shift = np.eye(2)[i] * step
         up = negative_log_likelihood(_sums(theta + shift).cost, noise)[0]
@@ -76,17 +82,32 @@ def test_likelihood_gradient_matches_differences():
 
 
 def test_marginal_likelihood_is_the_integral_over_the_noise_level():
-    # integral of s^-n exp(-C / 2 s^2) ds / s is proportional to C^(-n/2)
-    noise = Noise(np.array([12.0]), np.array([12.0]))
-    log_s = np.linspace(-8, 8, 20_001)
-    costs = np.array([0.5, 3.0])
-    integrals = [np.log(np.trapezoid(np.exp(-12 * log_s - c / 2 * np.exp(-2 * log_s)), log_s)) for c in costs]
-    ours = -negative_log_likelihood(costs[:, None], noise)
+    # two tests, n residuals of variance s^2 v: integral of s^-n exp(-sum C / 2 v s^2) ds / s over s
+    count = np.array([5.0, 7.0])
+    noise = Noise(count, FLOOR, count, 0.2)
+    log_s = np.linspace(-10, 10, 40_001)
+    costs = np.array([[0.5, 0.1], [3.0, 2.0]])
+    exponents = [-12 * log_s - c @ (1 / noise.variance) / 2 * np.exp(-2 * log_s) for c in costs]
+    integrals = [np.log(np.trapezoid(np.exp(e), log_s)) for e in exponents]
+    ours = -negative_log_likelihood(costs, noise)
     assert ours[0] - ours[1] == pytest.approx(integrals[0] - integrals[1], rel=1e-6)
 
 
+def test_a_known_gap_is_found(rng):
+    floor, gap, independent = np.array([0.002, 0.01, 0.03]), 0.015, np.full(3, 4000.0)
+    errors = rng.normal(size=(3, 4000)) * np.sqrt(floor**2 + gap**2)[:, None]
+    found = common_gap(np.sqrt(np.mean(errors**2, axis=1)), floor, independent)
+    assert found == pytest.approx(gap, rel=0.03)
+
+
+def test_no_gap_where_the_noise_explains_all():
+    floor = np.array([0.002, 0.01])
+    assert common_gap(0.99 * floor, floor, np.array([100.0, 100.0])) == 0.0
+    assert common_gap(np.zeros(2), np.zeros(2), np.ones(2)) == 0.0
+
+
 def test_perfect_data_stay_finite():
-    noise = Noise(np.array([10.0]), np.array([10.0]))
+    noise = Noise(np.array([10.0]), np.zeros(1), np.array([10.0]), 0.0)
     assert np.isfinite(negative_log_likelihood(np.zeros((1, 1)), noise)).all()
 
 
