@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.campaign import Campaign, Measurement
+from mofit.campaign import Campaign, Measurement, Procedure
 from mofit.errors import Fault, InputError, raise_errors
 from mofit.kernel import Drive
 from mofit.model import Model
-from mofit.signals import Record, smooth_derivative
+from mofit.signals import Record, settled_samples, smooth_derivative
 
 Array = NDArray[np.float64]
 
@@ -63,14 +63,7 @@ def to_drive(model: Model, measurement: Measurement, record: Record, settled: bo
         columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
     inputs = np.stack([columns[channel.name] for channel in model.inputs], axis=1)
     measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
-    start = procedure.time[0]
-    if settled:
-        # a step that states no transient is judged in its second half
-        start += record.transient or 0.5 * float(np.ptp(procedure.time))
-    elif record.period is not None:
-        # a model started from its own initial state needs a period to settle, too
-        start += max(record.transient, record.period if record.periods > 1 else 0.0)
-    used = procedure.time >= start - 0.5 * procedure.step
+    used = settled_samples(procedure.time, _dropped(procedure, record, settled), record.tail)
     spread = np.ptp(measured, axis=0)
     if not np.all(spread > 0):
         raise InputError.of(
@@ -89,3 +82,14 @@ def to_drive(model: Model, measurement: Measurement, record: Record, settled: bo
         measured=np.where(used[:, None], measured, 0.0),
         weights=np.where(used[:, None], 1.0 / spread**2, 0.0),
     )
+
+
+def _dropped(procedure: Procedure, record: Record, settled: bool) -> float:
+    """Time at the start of a test that is not judged, in s."""
+    if settled:
+        # a step that states no transient is judged in its second half
+        return record.transient or 0.5 * float(np.ptp(procedure.time))
+    if record.period is None or record.periods <= 1:
+        return procedure.transient or 0.0
+    # a model started from its own initial state needs a period to settle, too
+    return max(record.transient, record.period)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mofit.library.kelvin_voigt_tyre import DAMPER, TYRE_STAGES, resting_deflection, tyre_motion
+from mofit.library.kelvin_voigt_tyre import TYRE_STAGES, resting_deflection, tyre_motion
 from mofit.library.quasi_static_spring import SPRING_PARAMETERS
 from mofit.library.tmeasy import ROLLING_CONDITIONS, TMEASY_PARAMETERS
 from mofit.model import Channel, Equations, Model
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 # wide as the area that the paper searched: its Figure 9 and Table 3
-MAXWELL_PARAMETERS = (
+DYNAMIC_PARAMETERS = (
+    Parameter("d_y", "N s/m", 0.0, 750.0, 300.0, description="damping of the carcass"),
     Parameter("c_M", "N/m", 1e3, 6e4, 2e4, "log", "stiffness of the Maxwell branch"),
     Parameter("d_M", "N s/m", 500.0, 6e4, 8e3, "log", "damping of the Maxwell branch"),
 )
@@ -41,7 +42,7 @@ class MaxwellTyre(Model):
 
     name = "maxwell_tyre"
     title = "Maxwell tyre"
-    parameters = (*TMEASY_PARAMETERS, *SPRING_PARAMETERS, DAMPER, *MAXWELL_PARAMETERS)
+    parameters = (*TMEASY_PARAMETERS, *SPRING_PARAMETERS, *DYNAMIC_PARAMETERS)
     states = (
         Channel("lateral_deflection", "m", "lateral deflection of the carcass"),
         Channel("branch_displacement", "m", "internal displacement of the Maxwell branch"),
