@@ -194,7 +194,8 @@ def _refine_all(
         for name in problem.space.names
     ]
     starts = problem.space.to_unit(np.stack(columns, axis=1))
-    return _refine(problem.near(starts, np.full(len(problem.space), NEIGHBOURHOOD)), starts)
+    local = problem.with_noise(dynamic.noise).near(starts, np.full(len(problem.space), NEIGHBOURHOOD))
+    return _refine(local, starts)
 
 
 def _sample(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.objectives import Noise
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
 
@@ -51,6 +52,10 @@ class JointProblem:
     def with_noise_at(self, u: Array) -> JointProblem:
         """The same with the main problem's independent residuals counted at a point; the companions keep theirs."""
         return replace(self, main=self.main.with_noise_at(u))
+
+    def with_noise(self, noise: Noise) -> JointProblem:
+        """The same with another view of the main problem's noise."""
+        return replace(self, main=self.main.with_noise(noise))
 
     def objectives(self, u: Array) -> Array:
         """NRMSD per test, shape (N, tests)."""
