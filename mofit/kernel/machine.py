@@ -8,8 +8,11 @@ import itertools
 import threading
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 
 import llvmlite.binding as llvm
+
+from mofit.kernel import cache as cache_files
 
 _serial = itertools.count()
 _lock = threading.RLock()
@@ -17,12 +20,16 @@ _lock = threading.RLock()
 
 @dataclass(frozen=True)
 class Host:
-    """What LLVM needs to know about this machine. ``width`` is the number of doubles in a register."""
+    """What LLVM needs to know about this machine.
+
+    ``width`` is the number of doubles in a register, ``name`` tells processor and features.
+    """
 
     machine: llvm.TargetMachine
     jit: llvm.LLJIT
     width: int
     fma: bool
+    name: str
 
 
 @cache
@@ -38,13 +45,15 @@ def host() -> Host:
     width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
     target = llvm.Target.from_triple(llvm.get_process_triple())
 
+    name = f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features.flatten()}"
+
     def machine() -> llvm.TargetMachine:
         return target.create_target_machine(
             cpu=llvm.get_host_cpu_name(), features=features.flatten(), opt=2, reloc="pic", codemodel="small", jit=True
         )
 
     jit = llvm.create_lljit_compiler(machine(), use_jit_link=False)
-    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True)
+    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True, name)
 
 
 @cache
@@ -76,13 +85,23 @@ def compile_entry(text: str, libm: tuple[str, ...], signature: type) -> Code:
     """
     with _lock:
         target = host()
+        library = llvm.JITLibraryBuilder().add_object_img(_object(text, target)).export_symbol("run")
+        for name in libm:
+            library.import_symbol(f"libm_{name}", libm_address(name))
+        tracker = library.link(target.jit, f"mofit_{next(_serial)}")
+        return Code(tracker, signature(tracker["run"]))
+
+
+def _object(text: str, target: Host) -> bytes:
+    """Machine code of a module, from the cache where it is kept."""
+    key = sha256("\n".join([text, target.name, str(llvm.llvm_version_info)]).encode()).hexdigest()
+    code = cache_files.load(key)
+    if code is None:
         module = llvm.parse_assembly(text)
         options = llvm.create_pipeline_tuning_options(speed_level=2)
         options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
         builder = llvm.create_pass_builder(target.machine, options)
         builder.getModulePassManager().run(module, builder)
-        library = llvm.JITLibraryBuilder().add_object_img(target.machine.emit_object(module)).export_symbol("run")
-        for name in libm:
-            library.import_symbol(f"libm_{name}", libm_address(name))
-        tracker = library.link(target.jit, f"mofit_{next(_serial)}")
-        return Code(tracker, signature(tracker["run"]))
+        code = target.machine.emit_object(module)
+        cache_files.keep(key, code)
+    return code

@@ -1,0 +1,62 @@
+"""Compiled code is kept between processes, and a damaged file does no harm."""
+
+import ctypes
+
+import pytest
+
+from mofit.kernel import cache
+from mofit.kernel.machine import compile_entry
+
+SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
+TWICE = """
+define double @run(double %x) {
+  %y = fadd double %x, %x
+  ret double %y
+}
+"""
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "kept"))
+    return tmp_path / "kept"
+
+
+def twice(x):
+    code = compile_entry(TWICE, (), SIGNATURE)  # the code lives as long as this
+    return code.entry(x)
+
+
+def test_code_is_kept_and_used(place):
+    assert twice(1.5) == 3.0
+    (kept,) = place.iterdir()
+    before = kept.stat().st_mtime_ns
+    assert twice(2.0) == 4.0
+    assert kept.stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:-1] + bytes([b[-1] ^ 1])])
+def test_a_damaged_file_is_replaced(place, damage):
+    twice(1.0)
+    (kept,) = place.iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(damage(whole))
+    assert twice(1.5) == 3.0
+    assert kept.read_bytes() == whole
+
+
+def test_no_folder_no_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.VARIABLE, "")
+    assert cache.folder() is None
+    assert twice(1.5) == 3.0
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
+    assert twice(1.5) == 3.0
+
+
+def test_old_files_go(place, monkeypatch):
+    monkeypatch.setattr(cache, "_MOST_FILES", 3)
+    for number in range(6):
+        cache.keep(str(number), b"code")
+    assert len(list(place.iterdir())) == 3
+    assert cache.load("5") == b"code"
