@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from mofit.assemble import assemble
@@ -50,7 +51,7 @@ def identify(
     out: Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
-) -> tuple[Path, Outcome]:
+) -> tuple[Path, xr.DataTree]:
     """Identify a model's parameters from a campaign.
 
     Parameters
@@ -74,8 +75,8 @@ def identify(
     -------
     folder
         The run's folder, with ``result.nc`` and ``chains.h5``.
-    outcome
-        Everything found, in memory.
+    tree
+        The result, as in that file.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def identify(
         for warning in outcome.warnings:
             journal.note(f"warning: {warning}")
         journal.note("converged" if outcome.converged else "NOT converged")
-    return folder.target, outcome
+    return folder.target, tree
 
 
 def _slug(title: str) -> str:

@@ -15,7 +15,6 @@ from mofit.identify import Settings, identify
 from mofit.library import find_effect, find_model
 from mofit.model import Model, with_effects
 from mofit.progress import Progress, silent
-from mofit.result import open_result
 from mofit.summary import summary
 
 #: Model taken for a campaign whose channels are these, where none is named.
@@ -72,8 +71,10 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     model = with_effects(chosen, *(find_effect(name) for name in job.effects))
     names = (*_tests_at(campaign, model, job.frequencies), *_tests_named(campaign, job.tests))
     tests = tuple(dict.fromkeys(names))
-    folder, _ = identify(campaign, model, job.settings, tests=tests, out=job.out, resume=job.resume, progress=progress)
-    return folder, summary(open_result(folder), folder)
+    folder, tree = identify(
+        campaign, model, job.settings, tests=tests, out=job.out, resume=job.resume, progress=progress
+    )
+    return folder, summary(tree, folder)
 
 
 def _model_for(campaign: Campaign) -> Model:

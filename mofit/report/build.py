@@ -15,6 +15,7 @@ import xarray as xr
 
 from mofit.report.calibration import calibration_section
 from mofit.report.convergence import convergence_section
+from mofit.report.drawing import draw_sections
 from mofit.report.error_per_test import error_section
 from mofit.report.making import making_section
 from mofit.report.method import method_section
@@ -73,7 +74,7 @@ def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
     """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder."""
     folder, run = Path(folder), Run(tree)
     with mpl.rc_context(RC):
-        sections = [section for make in _SECTIONS if (section := make(run)) is not None]
+        sections = draw_sections(run, _SECTIONS)
     _write_data(sections, folder / DATA_FOLDER)
     attrs = run.tree.attrs
     subtitle = f"{attrs['model_title']} · {attrs['campaign_title']} ({attrs['campaign_source']}) · {attrs['created']}"

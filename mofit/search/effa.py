@@ -125,7 +125,7 @@ def effa(
 
     References
     ----------
-    Hackl, Scherndl, Hirschberg, Lex, Rill: Parametrisation of a Maxwell model for transient tyre forces by means of an
+    Hackl, Hirschberg, Lex, Magele: Parametrisation of a Maxwell model for transient tyre forces by means of an
     extended firefly algorithm (2016), Algorithm 1 and equations (13)-(15).
     """
     settings = settings or EffaSettings()
