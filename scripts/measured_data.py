@@ -1,6 +1,6 @@
-"""Identify models from the measured data sets in ../shared/data and write reports/measured/README.md.
+"""Identify models from the measured data sets in ../shared/data and write reports/measured/, a page per data set.
 
-    python scripts/measured_data.py [--data FOLDER] [--work FOLDER] [--seed 0] [--redo]
+    python scripts/measured_data.py [--data FOLDER] [--work FOLDER] [--seed 0] [--only NAME] [--redo]
 
 Damper: every shipped damper model on each coil current, six sine tests jointly. Silverbox: the Duffing oscillator on
 the ten multisines, judged by pure simulation on the arrow, which it has not seen. Runs that are there already in the
@@ -130,30 +130,37 @@ def silverbox(data: Path, work: Path, seed: int) -> list[str]:
     return [*lines, ""]
 
 
+STUDIES = {"damper": dampers, "silverbox": silverbox}
+
+
 def main() -> None:
     """Run the study and write its page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, default=ROOT / ".." / "shared" / "data")
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "measured")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=sorted(STUDIES))
     parser.add_argument("--redo", action="store_true")
     options = parser.parse_args()
     if options.redo and options.work.exists():
         shutil.rmtree(options.work)
     options.work.mkdir(parents=True, exist_ok=True)
-    parts = dampers(options.data, options.work, options.seed) + silverbox(options.data, options.work, options.seed)
     versions = {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()}
-    head = [
-        "# Measured data",
-        "",
-        f"Made by `python scripts/measured_data.py --seed {options.seed}` with {json.dumps(versions)}.",
-        "Sources, licences and traps of the data are told in the import maps under `data/maps/`.",
-        "",
-    ]
-    target = ROOT / "reports" / "measured" / "README.md"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text("\n".join(head + parts))
-    print(target.relative_to(ROOT))
+    target = ROOT / "reports" / "measured"
+    target.mkdir(parents=True, exist_ok=True)
+    for name, study in STUDIES.items():
+        if options.only not in (None, name):
+            continue
+        head = [
+            f"# Measured data: {name}",
+            "",
+            f"Made by `python scripts/measured_data.py --only {name} --seed {options.seed}` with {json.dumps(versions)}.",
+            "Source, licence and traps of the data are told in the import maps under `data/maps/`.",
+            "",
+        ]
+        page = target / f"{name}.md"
+        page.write_text("\n".join(head + study(options.data, options.work, options.seed)))
+        print(page.relative_to(ROOT), flush=True)
 
 
 if __name__ == "__main__":
