@@ -154,7 +154,8 @@ def main() -> None:
         head = [
             f"# Measured data: {name}",
             "",
-            f"Made by `python scripts/measured_data.py --only {name} --seed {options.seed}` with {json.dumps(versions)}.",
+            f"Made by `python scripts/measured_data.py --only {name} --seed {options.seed}`",
+            f"with {json.dumps(versions)}.",
             "Source, licence and traps of the data are told in the import maps under `data/maps/`.",
             "",
         ]
