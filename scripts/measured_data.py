@@ -71,7 +71,8 @@ def dampers(data: Path, work: Path, seed: int) -> list[str]:
         lines += [
             f"## Magneto-rheological damper, {current}",
             "",
-            "NRMSD in %, steady part of every test (first period and run-out left out); relative error: sqrt(Σr²/ΣF²) over all six.",
+            "NRMSD in %, steady part of every test (first period and run-out left out); "
+            "relative error: sqrt(Σr²/ΣF²) over all six.",
             "",
             "| model | "
             + " | ".join(f"{t.removeprefix('sine_')}" for t in tests)
