@@ -25,7 +25,7 @@ _PROBES = 24
 #: an explicit step longer than this over the stiffness is unstable (RK4: 2.8; the stiffness may lie a little high)
 _UNSTABLE = 6.0
 #: share of the tolerance that a change by doubling the steps may take
-_SHARE = 0.5
+_SHARE = 0.25
 #: order of convergence from which the error may be interpolated
 _CLEAN = 2.7
 

@@ -17,8 +17,8 @@ from mofit.kernel.stiffness import Stiffness
 Array = NDArray[np.float64]
 
 #: steps per sampling interval on offer; work grows by about 1.4 from one to the next
-_EXPLICIT = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
-_IMPLICIT = (1, 2, 3, 4, 6, 8, 12, 16)
+_EXPLICIT = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+_IMPLICIT = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 #: up to so many explicit steps the L-stable method is not tried
 _FEW = 6
 #: for what no rung integrates to the tolerance: fast oscillations with little damping
@@ -32,7 +32,7 @@ _AHEAD = 5
 #: how far beyond the stiffest of the sample its rung is trusted
 _BEYOND = 1.2
 #: parameter sets of a calibration: Sobol points, and at most so many corners of the box
-_POINTS, _CORNERS = 32, 32
+_POINTS, _CORNERS = 64, 64
 #: a box is sampled logarithmically in parameters whose bounds differ by this factor
 _WIDE = 30.0
 

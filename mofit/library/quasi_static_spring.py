@@ -18,15 +18,26 @@ SPRING_PARAMETERS = (
 )
 
 
+#: keeps the largest deflection finite, 1/m
+_HARDLY_DEGRESSIVE = 1e-6
+
+
 def carcass_force(s: Symbols, y: ca.SX) -> ca.SX:
-    """Eq. (16) [N] at deflection ``y`` [m]; quantity ``carcass_force``."""
-    return s.quantity("carcass_force", s.c_y * (1 + s.p_y * ca.fabs(y)) * y)
+    r"""Eq. (16) [N] at deflection ``y`` [m]; quantity ``carcass_force``.
+
+    A degressive spring holds its largest force :math:`c_y / (4 |p_y|)` from :math:`|y| = 1 / (2 |p_y|)` on, where
+    eq. (16) alone would turn round and run away.
+    """
+    largest = 0.5 / ca.fmax(-s.p_y, _HARDLY_DEGRESSIVE)
+    held = ca.fmax(-largest, ca.fmin(y, largest))
+    return s.quantity("carcass_force", s.c_y * (1 + s.p_y * ca.fabs(held)) * held)
 
 
 class QuasiStaticSpring(Model):
     r"""Non-linear spring :math:`F = c_y y + c_y p_y |y| y`.
 
-    Eq. (16) of Hackl et al. 2016: displacement [m] so slow that dampers carry nothing, force [N].
+    Eq. (16) of Hackl et al. 2016: displacement [m] so slow that dampers carry nothing, force [N]. A degressive spring
+    (:math:`p_y < 0`) holds its largest force from :math:`|y| = 1 / (2 |p_y|)` on.
     """
 
     name = "quasi_static_spring"

@@ -5,12 +5,14 @@ import pytest
 from kernel_models import RELAXATION, sine_drive
 from reference import reference_outputs
 
-from mofit.kernel import Simulator
+from mofit.kernel import Drive, Simulator
 from mofit.kernel.mesh import Rung
 from mofit.kernel.runner import Choice, Runner
 from mofit.kernel.steps import RK4, RODAS4
+from mofit.library import find_model
 from mofit.library.maxwell_tyre import MaxwellTyre
 from mofit.model import build_system
+from mofit.parameters import ParameterSpace
 
 TYRE = build_system(MaxwellTyre())
 LOWER, UPPER, NOMINAL = (
@@ -70,13 +72,35 @@ def test_stiff_corner_agrees_with_cvodes():
     assert simulator.rules[0].rungs[-1].scheme is RODAS4
 
 
-def test_all_parameters_of_the_tyre_agree_with_cvodes(rng):
-    drive = tyre_drive(1.07)
-    p = draws(LOWER, UPPER, rng.uniform(0.1, 0.9, size=(8, len(LOWER))))
-    # a spring that softens without end has no bounded solution to compare with
-    p[:, TYRE.parameters.index("p_y")] = rng.uniform(-5, 20, 8)
-    (y,) = Simulator(TYRE, [drive], box=(LOWER, UPPER)).simulate(p)
-    assert max(worst(TYRE, drive, y[i], p[i], scale=1e-4) for i in range(len(p))) < 1e-6
+def shipped(name):
+    """A shipped model on a test of its kind."""
+    model = find_model(name)
+    system = build_system(model)
+    if "tyre" in name:
+        step, samples, conditions = 0.01, 150, ROLLING
+        waves = [np.deg2rad(1.0) * np.sin(2 * np.pi * 1.07 * step * np.arange(samples))]
+    else:
+        step, samples, conditions = 0.002, 600, np.zeros(len(system.conditions))
+        phase = 2 * np.pi * step * np.arange(samples)
+        waves = [0.02 * np.sin(phase), 0.02 * 2 * np.pi * np.cos(phase)]
+    shape = (samples, len(system.outputs))
+    drive = Drive(
+        "1 Hz", step, np.stack(waves, axis=1), "cubic", np.array(conditions, float), np.zeros(shape), np.ones(shape)
+    )
+    return model, system, drive
+
+
+@pytest.mark.parametrize("name", ["maxwell_tyre", "kelvin_voigt_tyre", "maxwell_damper", "bouc_wen_damper"])
+def test_shipped_models_agree_with_cvodes_throughout_the_box_of_all_parameters(name, rng):
+    model, system, drive = shipped(name)
+    space = ParameterSpace(model.parameters)
+    unit = rng.uniform(size=(16, len(space)))
+    edge = rng.uniform(size=unit.shape)
+    unit = np.where(edge < 0.25, 0.0, np.where(edge > 0.75, 1.0, unit))
+    p = space.from_unit(unit)
+    lower, upper = space.from_unit(np.array([[0.0], [1.0]]) * np.ones(len(space)))
+    (y,) = Simulator(system, [drive], box=(lower, upper)).simulate(p)
+    assert max(worst(system, drive, y[i], p[i], scale=1e-4) for i in range(len(p))) < 1e-6
 
 
 @pytest.mark.parametrize("hold", ["cubic", "linear"])

@@ -128,3 +128,11 @@ def test_branch_hardens_the_tyre_at_high_frequency_only():
     # a stiffer carcass follows sooner
     assert lag("maxwell_tyre", 4.0) < lag("kelvin_voigt_tyre", 4.0) - np.deg2rad(2)
     assert lag("maxwell_tyre", 0.05) == pytest.approx(lag("kelvin_voigt_tyre", 0.05), abs=np.deg2rad(0.5))
+
+
+def test_degressive_spring_holds_its_largest_force():
+    system = build_system(find_model("quasi_static_spring"))
+    stiffness, degression = 1e5, -10.0
+    force = [float(system.out([], [y], [stiffness, degression], [])) for y in (0.02, 0.05, 0.2, -0.2)]
+    assert force[0] == pytest.approx(stiffness * (1 + degression * 0.02) * 0.02)
+    assert force[1:] == pytest.approx([stiffness / (4 * 10), stiffness / (4 * 10), -stiffness / (4 * 10)])
