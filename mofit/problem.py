@@ -111,6 +111,14 @@ class Problem:
             normal=normal * slope[:, None, :, None] * slope[:, None, None, :],
         )
 
+    def gradients(self, u: Array) -> tuple[Array, Array]:
+        r"""NRMSD per test (N, T) and its gradient :math:`J_t^T W r_t / (n_t \mathrm{NRMSD}_t)`, (N, T, d)."""
+        sums = self.sums(u)
+        values = nrmsd(sums.cost, self.noise.count)
+        values = np.where(np.isfinite(values), values, np.nan)
+        scale = np.maximum(self.noise.count * values, np.finfo(float).tiny)
+        return values, sums.gradient / scale[..., None]
+
     def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
         """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
         value, gradient, hessian = likelihood_terms(self.sums(u), self.noise)

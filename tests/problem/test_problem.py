@@ -89,6 +89,16 @@ def test_gradient_matches_differences(problem):
     assert np.all(np.linalg.eigvalsh(hessian[0]) > 0)
 
 
+def test_gradients_of_the_objectives_match_differences(problem):
+    u, step = np.array([0.4, 0.55]), 1e-4
+    values, gradients = problem.gradients(u[None])
+    assert values == pytest.approx(problem.objectives(u[None]), rel=1e-12)
+    for i in range(2):
+        shift = np.eye(2)[i] * step
+        up, down = problem.objectives(np.stack([u + shift, u - shift]))
+        assert gradients[0, :, i] == pytest.approx((up - down) / (2 * step), rel=1e-4)
+
+
 def test_log_posterior_is_minus_the_value_inside_and_minus_infinity_outside(problem):
     inside = np.array([[0.4, 0.5], [0.7, 0.2]])
     assert problem.log_posterior(inside) == pytest.approx(-problem.evaluate(inside)[0], rel=1e-12)
