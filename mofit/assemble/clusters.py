@@ -69,7 +69,14 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     variables["laplace_correlation"] = quantity(
         ("parameter", "parameter_"), covariance / np.outer(scale, scale), "1", "correlation (Laplace)"
     )
-    variables["nrmsd"] = quantity("test", problem.objectives(minimum.point[None])[0], "1", "NRMSD at the minimum")
+    nrmsd, slope = (values[0] for values in problem.gradients(minimum.point[None]))
+    variables["nrmsd"] = quantity("test", nrmsd, "1", "NRMSD at the minimum")
+    variables["pull"] = quantity(
+        ("test", "parameter"),
+        slope * scale / np.maximum(nrmsd, np.finfo(float).tiny)[:, None],
+        "1",
+        "relative change of NRMSD per standard deviation (Laplace) of the parameter",
+    )
     return xr.Dataset(
         variables,
         {

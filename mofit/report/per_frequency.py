@@ -11,6 +11,7 @@ from matplotlib.ticker import FixedLocator, LogLocator, NullLocator
 
 from mofit.report.display import compact, math_symbol, number, percent, symbol, with_sd
 from mofit.report.page import Block, Details, Figure, Section, Table, Text
+from mofit.report.pull import extract_pull, pull_figure
 from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import MEASURED, cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
@@ -121,7 +122,10 @@ def per_frequency_section(run: Run) -> Section | None:
         _figure(run, found),
         Details("Table of the minima per test", [_table(run, found)]),
     ]
-    return Section("per_frequency", "Minima of single tests", blocks, {"per_frequency": found})
+    pull = extract_pull(run)
+    if pull is not None and len(pull.tests) > 1:
+        blocks.append(pull_figure(run, pull))
+    return Section("per_frequency", "Minima of single tests", blocks, {"per_frequency": found, "pull": pull})
 
 
 def _figure(run: Run, found: PerTest) -> Figure:

@@ -42,6 +42,7 @@ SEARCH = Group(
     required=_over("evaluation parameter", "points") | _over("evaluation objective", "nrmsd"),
     optional=_over("stored parameter", "stored")
     | _over("stored", "stored_cost")
+    | _over("checkpoint", "hypervolume best")
     | _over("firefly parameter", "fireflies"),
     attributes=("method", "evaluations"),
 )
@@ -49,7 +50,8 @@ FRONT = Group(required=_over("point objective", "nrmsd") | _over("point paramete
 CLUSTER = Group(
     required=_over("parameter", "value at_bound") | _over("test", "nrmsd"),
     optional=_over("parameter", "laplace_sd mean sd q05 q50 q95 ess r_hat tau contraction verdict")
-    | _over("parameter parameter_", "laplace_correlation"),
+    | _over("parameter parameter_", "laplace_correlation")
+    | _over("test parameter", "pull"),
     attributes=("log_evidence", "weight", "log_posterior", "converged", "evaluations"),
 )
 SAMPLED = tuple("mean sd q05 q50 q95 ess r_hat tau contraction verdict".split())

@@ -16,6 +16,7 @@ from mofit.report.front import extract_front
 from mofit.report.overlay import Overlay, extract_overlays
 from mofit.report.per_frequency import extract_per_test
 from mofit.report.posterior import correlation, extract_marginals, open_directions
+from mofit.report.pull import draw_pull, extract_pull
 from mofit.report.run import Cluster, Run
 from mofit.report.search_map import extract_search, pairs
 from mofit.report.spectrum import extract_spectra
@@ -252,3 +253,18 @@ def test_grades(run, verdict, contraction, bound, grade) -> None:
     values = {"verdict": verdict, "contraction": contraction, "at_bound": bound}
     node.dataset = node.to_dataset().assign({name: ("parameter", [value] * 4) for name, value in values.items()})
     assert Cluster("c1", 0, node).grades == [grade] * 4
+
+
+def test_pull_shows_the_direction_that_lessens_the_error(run) -> None:
+    tree = run.tree.copy()
+    best = run.clusters[0]
+    assert extract_pull(Run(tree)) is None
+    change = np.zeros((len(run.tests), len(best.parameters)))
+    change[0, 1], change[1, 0] = 0.08, -0.04
+    node = tree["clusters/c1"]
+    node.dataset = node.to_dataset().assign(pull=(("test", "parameter"), change))
+    pull = extract_pull(Run(tree))
+    assert pull is not None
+    axes = draw_pull(pull, Figure().add_subplot())
+    written = {tuple(text.get_position()): text.get_text()[0] for text in axes.texts}
+    assert written == {(0, 1): "↓", (1, 0): "↑"}

@@ -33,7 +33,7 @@ def test_approximation_of_many_objectives_is_close_to_the_exact_volume():
     dominated = np.zeros(len(samples), dtype=bool)
     for point in points:
         dominated |= np.all(samples >= point, axis=1)
-    assert hypervolume(points, np.zeros(6), np.ones(6)) == pytest.approx(dominated.mean(), abs=2e-3)
+    assert hypervolume(points, np.zeros(6), np.ones(6)) == pytest.approx(dominated.mean(), abs=5e-3)
 
 
 def test_failed_and_poor_points_count_nothing():
