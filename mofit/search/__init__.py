@@ -3,6 +3,21 @@
 from mofit.search.archive import nondominated
 from mofit.search.clusters import Clustering, cluster
 from mofit.search.effa import PAPER, EffaSettings, effa
+from mofit.search.hypervolume import hypervolume, hypervolume_history
+from mofit.search.niching import NichingSettings, niching
 from mofit.search.result import Iteration, SearchResult
 
-__all__ = ["PAPER", "Clustering", "EffaSettings", "Iteration", "SearchResult", "cluster", "effa", "nondominated"]
+__all__ = [
+    "PAPER",
+    "Clustering",
+    "EffaSettings",
+    "Iteration",
+    "NichingSettings",
+    "SearchResult",
+    "cluster",
+    "effa",
+    "hypervolume",
+    "hypervolume_history",
+    "niching",
+    "nondominated",
+]

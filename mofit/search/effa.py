@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,10 +13,8 @@ from mofit.errors import Fault, InputError, raise_errors
 from mofit.parameters import Array
 from mofit.search.archive import nondominated
 from mofit.search.clusters import Clustering, cluster, one_cluster
-from mofit.search.result import Indices, Iteration, Progress, SearchResult
-
-Objectives = Callable[[Array], Array]
-"""Batched objectives: points (N, d) of the unit cube to (N, T), nan where a simulation failed."""
+from mofit.search.ledger import Objectives
+from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ def effa(
     settings = settings or EffaSettings()
     start = _first_positions(dimension, rng, settings)
     values = _evaluated(objectives, start)
-    weights = _normalised(weights, values.shape[1])
+    weights = normalised_weights(weights, values.shape[1])
     swarm = _Swarm(start, values, weighted_mean(values, weights), np.arange(len(start)))
     if not np.isfinite(swarm.cost).any():
         raise InputError.of("search", f"all {len(start)} start points failed", "Check the model, or narrow the bounds")
@@ -168,17 +165,6 @@ def weighted_mean(objectives: Array, weights: Array) -> Array:
     used = weights > 0
     mean = np.asarray(objectives[:, used] @ weights[used])
     return np.where(np.isfinite(mean), mean, np.inf)
-
-
-def _normalised(weights: ArrayLike | None, count: int) -> Array:
-    given = np.ones(count) if weights is None else np.asarray(weights, dtype=float)
-    if given.shape != (count,) or not np.all(np.isfinite(given)) or np.any(given < 0) or given.sum() <= 0:
-        raise InputError.of(
-            "search weights",
-            f"{given.tolist()} do not fit {count} objectives",
-            "Give one weight per objective, none negative and not all zero",
-        )
-    return given / given.sum()
 
 
 def _first_positions(dimension: int, rng: np.random.Generator, settings: EffaSettings) -> Array:

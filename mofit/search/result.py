@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from mofit.errors import InputError
 from mofit.parameters import Array
 
 Indices = NDArray[np.int64]
@@ -61,6 +62,10 @@ class SearchResult:
         Rows of `points` that no other point dominates (see `nondominated`).
     history
         One entry per iteration, the start first.
+    gradients
+        How many of the evaluations were with gradient.
+    unseen
+        Expected number of minima that were not seen (`mofit.search.unseen`); None where the search has no estimate.
     """
 
     method: str
@@ -72,6 +77,8 @@ class SearchResult:
     labels: Indices
     front: Indices
     history: tuple[Iteration, ...]
+    gradients: int = 0
+    unseen: float | None = None
 
     @property
     def evaluations(self) -> int:
@@ -97,3 +104,21 @@ class SearchResult:
     def fireflies(self) -> Array:
         """Final swarm, shape (firefly, d)."""
         return self.points[self.swarm]
+
+
+def normalised_weights(weights: ArrayLike | None, count: int) -> Array:
+    """Weights of so many objectives, summing to 1; equal if not given.
+
+    Raises
+    ------
+    InputError
+        If there are too many or few, one is negative, or all are zero.
+    """
+    given = np.ones(count) if weights is None else np.asarray(weights, dtype=float)
+    if given.shape != (count,) or not np.all(np.isfinite(given)) or np.any(given < 0) or given.sum() <= 0:
+        raise InputError.of(
+            "search weights",
+            f"{given.tolist()} do not fit {count} objectives",
+            "Give one weight per objective, none negative and not all zero",
+        )
+    return given / given.sum()

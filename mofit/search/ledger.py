@@ -1,0 +1,72 @@
+"""Every point that a search evaluates, counted against its budget."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mofit.parameters import Array
+from mofit.search.result import Indices
+
+Objectives = Callable[[Array], Array]
+"""Points (N, d) of the unit cube to objective vectors (N, T), to be minimised; nan marks a failure."""
+Gradients = Callable[[Array], tuple[Array, Array]]
+"""The same with exact gradients: (N, T) and (N, T, d)."""
+
+
+class Ledger:
+    """Evaluates points in batches and keeps them all; a value and a value with gradient count as one evaluation each.
+
+    Parameters
+    ----------
+    objectives, gradients
+        The functions.
+    dimension
+        Number of coordinates d.
+    budget
+        Most evaluations.
+    """
+
+    def __init__(self, objectives: Objectives, gradients: Gradients, dimension: int, budget: int) -> None:
+        self._objectives, self._gradients, self.budget = objectives, gradients, budget
+        self._points: list[Array] = [np.empty((0, dimension))]
+        self._values: list[Array] = []
+        self.used = 0
+        self.with_gradient = 0
+
+    @property
+    def left(self) -> int:
+        """Evaluations that the budget still allows."""
+        return self.budget - self.used
+
+    @property
+    def points(self) -> Array:
+        """All points so far, shape (n, d)."""
+        return np.concatenate(self._points)
+
+    @property
+    def values(self) -> Array:
+        """Their objective vectors, shape (n, T)."""
+        return np.concatenate(self._values)
+
+    def evaluate(self, points: Array) -> tuple[Indices, Array]:
+        """Rows and objective vectors of as many of the points as the budget allows."""
+        points = points[: self.left]
+        return self._kept(points, np.asarray(self._objectives(points), dtype=float))
+
+    def differentiate(self, points: Array) -> tuple[Indices, Array, Array]:
+        """Rows, objective vectors and gradients of as many of the points as the budget allows."""
+        points = points[: self.left]
+        values, slopes = self._gradients(points)
+        self.with_gradient += len(points)
+        return *self._kept(points, np.asarray(values, dtype=float)), np.asarray(slopes, dtype=float)
+
+    def _kept(self, points: Array, values: Array) -> tuple[Indices, Array]:
+        if values.ndim != 2 or len(values) != len(points):
+            raise ValueError(f"objectives must return ({len(points)}, T), got {values.shape}")
+        rows = self.used + np.arange(len(points))
+        self._points.append(points)
+        self._values.append(values)
+        self.used += len(points)
+        return rows, values

@@ -1,0 +1,274 @@
+"""The default search: space-filling points, early polish with exact gradients, and no start twice in a basin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import gamma, log, pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from mofit.errors import Fault, InputError, raise_errors
+from mofit.parameters import Array
+from mofit.search.archive import nondominated
+from mofit.search.compromise import compromises
+from mofit.search.ledger import Gradients, Ledger, Objectives
+from mofit.search.minima import End, Minima
+from mofit.search.polish import Descent, PolishSettings, descend
+from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
+from mofit.search.unseen import expected_unseen
+
+
+@dataclass(frozen=True)
+class NichingSettings:
+    """Settings of `niching`. Lengths are shares of the box."""
+
+    evaluations: int = 600
+    """Budget; a value and a value with its gradient are one evaluation each."""
+    round: int = 32
+    """Sobol points a round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
+    keep: float = 0.5
+    """Better share of the points that may start a polish."""
+    together: int = 4
+    """Polishes that advance together: the kernel is faster in batches, but each knows less of the minima found."""
+    merge: float = 5e-3
+    """Ends this close are one minimum."""
+    repel: float = 0.5
+    """A polish this share of the exclusion radius from a known minimum is given up."""
+    unseen: float | None = 0.1
+    """Stop when the expected number of minima not yet seen falls below this, for every objective and the weighted mean;
+    None: use the whole budget."""
+    tight: float | None = None
+    """Polish all minima once more, to steps below this."""
+    reserve: float = 0.1
+    """Share of the budget kept for that."""
+    compromise: float = 0.4
+    """Share of the budget kept for points between the minima of several objectives."""
+    polish: PolishSettings = field(default_factory=PolishSettings)
+
+    def __post_init__(self) -> None:
+        checks = [
+            ("evaluations", self.evaluations >= 10, "Give at least 10"),
+            ("round", self.round >= 1, "Give at least 1"),
+            ("keep", 0 < self.keep <= 1, "Give a share in (0, 1]"),
+            ("together", self.together >= 1, "Give at least 1"),
+            ("reserve", 0 <= self.reserve < 1, "Give a share in [0, 1)"),
+            ("compromise", 0 <= self.compromise < 1, "Give a share in [0, 1)"),
+        ]
+        raise_errors(
+            Fault(f"search setting '{name}'", f"{getattr(self, name)!r} cannot be used", cure)
+            for name, fine, cure in checks
+            if not fine
+        )
+
+
+def niching(
+    objectives: Objectives,
+    gradients: Gradients,
+    dimension: int,
+    rng: np.random.Generator,
+    settings: NichingSettings | None = None,
+    weights: ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> SearchResult:
+    r"""Multi-level single linkage on a Sobol sequence, with repulsion from known minima, for every scalarisation.
+
+    Round by round, the sequence is extended; of the better share of its k points, one starts a descent (`descend`) if
+    none better lies within
+
+    .. math:: r_k = \pi^{-1/2} \left(\Gamma(1 + d/2)\, \frac{2 \ln k}{k}\right)^{1/d},
+
+    if it has not started before, and if no known minimum lies within the exclusion radius. The end is a new minimum
+    unless it is close to a known one, or a hill-valley test finds no hill between the two.
+
+    With several objectives the same points serve every scalarisation at no further cost: the weighted mean, and each
+    objective alone. What is left of the budget then goes to compromises between their minima (`compromises`), which
+    fill the Pareto front.
+
+    Parameters
+    ----------
+    objectives, gradients
+        Map points (N, d) of the unit cube to objective vectors (N, T), and to those and their gradients (N, T, d).
+    dimension
+        Number of coordinates d.
+    rng
+        The only source of randomness.
+    settings
+        Constants.
+    weights
+        Weights of the objectives, shape (T,), none negative; equal if not given.
+    progress
+        Called as ``progress(evaluations, budget, note)``.
+
+    Returns
+    -------
+    SearchResult
+        `stored` holds the minima: those of the weighted mean, best first, then those of each objective.
+
+    Raises
+    ------
+    InputError
+        If the weights do not fit, or if every point of the first round failed.
+
+    References
+    ----------
+    Rinnooy Kan and Timmer, "Stochastic global optimization methods, part II: multi level methods", Mathematical
+    Programming 39 (1987). Kucherenko and Sytsko, "Application of deterministic low-discrepancy sequences in global
+    optimization", Computational Optimization and Applications 30 (2005).
+    """
+    settings = settings or NichingSettings()
+    ledger = Ledger(objectives, gradients, dimension, settings.evaluations)
+    sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
+    sample: Indices = np.empty(0, dtype=np.int64)
+    all_minima: list[Minima] = []
+    history: list[Iteration] = []
+    unseen = np.inf
+    while True:
+        several = len(all_minima) > 1
+        kept_back = (settings.compromise if several else 0.0) + (settings.reserve if settings.tight else 0.0)
+        room = ledger.left - int(kept_back * ledger.budget)
+        if room <= 0:
+            break
+        size = min(max(settings.round, len(sample) // 20), room)
+        fresh, values = ledger.evaluate(sobol.random(size if len(sample) else 2 ** int(np.log2(size))))
+        if not all_minima:
+            all_minima = _scalarisations(weights, values)
+        sample = np.concatenate([sample, fresh])
+        for minima in all_minima:
+            _polish_from(ledger, minima, sample, settings)
+        count = int(settings.keep * len(sample))
+        unseen = max(expected_unseen(count, len(minima.ends)) for minima in all_minima)
+        main = all_minima[0]
+        history.append(Iteration(ledger.used, main.best, len(main.ends), main.exclusion))
+        if progress is not None:
+            progress(ledger.used, ledger.budget, f"best {main.best:.4g}, {len(main.ends)} minima")
+        if settings.unseen is not None and unseen < settings.unseen:
+            break
+    if settings.tight is not None:
+        all_minima[0] = _tightened(ledger, all_minima[0], settings)
+    if len(all_minima) > 1:
+        compromises(ledger, all_minima, rng)
+    return _result(ledger, all_minima, sample, history, unseen, settings)
+
+
+def _scalarisations(weights: ArrayLike | None, values: Array) -> list[Minima]:
+    """The weighted mean, then each objective alone."""
+    if not np.isfinite(values).all(axis=1).any():
+        raise InputError.of("search", f"all {len(values)} start points failed", "Check the model, or narrow the bounds")
+    count = values.shape[1]
+    singles = [Minima(row) for row in np.eye(count)] if count > 1 else []
+    return [Minima(normalised_weights(weights, count)), *singles]
+
+
+def _polish_from(ledger: Ledger, minima: Minima, sample: Indices, settings: NichingSettings) -> None:
+    """Start from every point of the sample that the rule of single linkage names."""
+    points, cost = ledger.points[sample], minima.cost(ledger.values[sample])
+    spread = float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
+    waiting = [k for k in _linked(points, cost, settings.keep) if int(sample[k]) not in minima.started]
+    while waiting and ledger.left > 0:
+        away = minima.distance(points[waiting]) >= minima.exclusion
+        waiting = [k for k, far in zip(waiting, away, strict=True) if far]
+        batch, waiting = waiting[: settings.together], waiting[settings.together :]
+        minima.started.update(int(sample[k]) for k in batch)
+        ends = descend(ledger, [(minima, points[k], None) for k in batch], settings.polish, settings.repel)
+        for descent in ends:
+            _archive(ledger, descent, spread, settings)
+
+
+def _linked(points: Array, cost: Array, keep: float) -> list[int]:
+    """Points of the better share with none better within the critical distance, best first."""
+    count, dimension = points.shape
+    order = np.argsort(cost, kind="stable")[: max(1, int(keep * count))]
+    order = order[np.isfinite(cost[order])]
+    radius = pi**-0.5 * (gamma(1 + dimension / 2) * 2 * log(max(count, 2)) / count) ** (1 / dimension)
+    alone = np.ones(len(order), dtype=bool)
+    pairs = cKDTree(points[order]).query_pairs(radius, output_type="ndarray") if len(order) else np.empty((0, 2), int)
+    alone[pairs.max(axis=1)] = False  # of each pair, the later one is the worse
+    return [int(k) for k in order[alone]]
+
+
+def _archive(ledger: Ledger, descent: Descent, spread: float, settings: NichingSettings) -> None:
+    """Add the end of a descent to the minima, unless it is one of them."""
+    minima, end = descent.minima, descent.end
+    if end is None:
+        return
+    minima.inverses.append(end.inverse)
+    if minima.ends:
+        nearest = int(minima.nearest(end.point[None])[0])
+        known = minima.ends[nearest]
+        same = bool(np.linalg.norm(known.point - end.point) < settings.merge)
+        if not same and _no_hill_expected(known, end, spread):
+            same = not _hill_between(ledger, minima, known, end, spread)
+        if same:
+            if end.cost < known.cost:
+                minima.replace(nearest, end)
+            return
+    minima.add(end)
+
+
+#: A rise at mid-way of less than this share of the costs' interquartile range is no hill to be expected.
+_FLAT = 0.02
+#: A rise that a hill must have at least, as a share of that range.
+_ROUNDING = 1e-7
+#: interior points of a hill-valley test
+_INTERIOR = np.array([0.25, 0.5, 0.75])
+
+
+def _no_hill_expected(known: End, end: End, spread: float) -> bool:
+    """Whether the curvatures at both ends leave it open that they lie in one valley."""
+    gap = end.point - known.point
+    rises = []
+    for inverse in (known.inverse, end.inverse):
+        rises.append(float(gap @ np.linalg.pinv(inverse, rcond=1e-10, hermitian=True) @ gap) / 8)
+    return min(rises) < _FLAT * spread
+
+
+def _hill_between(ledger: Ledger, minima: Minima, known: End, end: End, spread: float) -> bool:
+    """Hill-valley test (Ursem 1999): whether a point between two ends is higher than both."""
+    line = known.point + _INTERIOR[:, None] * (end.point - known.point)
+    _, values = ledger.evaluate(line)
+    top = max(known.cost, end.cost) + _ROUNDING * spread
+    return bool(np.any(minima.cost(values) > top))
+
+
+def _tightened(ledger: Ledger, minima: Minima, settings: NichingSettings) -> Minima:
+    """The minima polished once more, best first, from the curvature found there; those that meet become one."""
+    polish = PolishSettings(longest_step=0.01, tolerance=settings.tight or 0.0)
+    tight = Minima(minima.weights)
+    for end in minima.ranked:
+        for descent in descend(ledger, [(minima, end.point, end.inverse)], polish, 0.0) or [Descent(minima, end)]:
+            better = descent.end if descent.end is not None else end
+            if tight.distance(better.point) >= settings.merge:
+                tight.add(better)
+    return tight
+
+
+def _result(
+    ledger: Ledger,
+    all_minima: list[Minima],
+    sample: Indices,
+    history: list[Iteration],
+    unseen: float,
+    settings: NichingSettings,
+) -> SearchResult:
+    points, values = ledger.points, ledger.values
+    main = all_minima[0]
+    cost = main.cost(values)
+    order = np.argsort(cost[sample], kind="stable")[: max(1, int(settings.keep * len(sample)))]
+    swarm = sample[order]
+    stored = [end.row for minima in all_minima for end in minima.ranked]
+    return SearchResult(
+        method="niching",
+        points=points,
+        objectives=values,
+        cost=cost,
+        stored=np.array(list(dict.fromkeys(stored)), dtype=np.int64),
+        swarm=swarm,
+        labels=np.asarray(main.nearest(points[swarm]), dtype=np.int64),
+        front=nondominated(values),
+        history=tuple(history),
+        gradients=ledger.with_gradient,
+        unseen=float(unseen),
+    )
