@@ -34,11 +34,13 @@ class Ledger:
         self._values: list[Array] = []
         self.used = 0
         self.with_gradient = 0
+        self.reserved = 0
+        """Evaluations that are kept for later."""
 
     @property
     def left(self) -> int:
-        """Evaluations that the budget still allows."""
-        return self.budget - self.used
+        """Evaluations that the budget still allows, the reserved ones left out."""
+        return max(0, self.budget - self.reserved - self.used)
 
     @property
     def points(self) -> Array:

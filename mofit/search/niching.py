@@ -45,7 +45,7 @@ class NichingSettings:
     reserve: float = 0.1
     """Share of the budget kept for that."""
     compromise: float = 0.4
-    """Share of the budget kept for points between the minima of several objectives."""
+    """Share of the budget kept, with several objectives, for points between the best ones."""
     polish: PolishSettings = field(default_factory=PolishSettings)
 
     def __post_init__(self) -> None:
@@ -84,7 +84,7 @@ def niching(
     unless it is close to a known one, or a hill-valley test finds no hill between the two.
 
     With several objectives the same points serve every scalarisation at no further cost: the weighted mean, and each
-    objective alone. What is left of the budget then goes to compromises between their minima (`compromises`), which
+    objective alone. What is left of the budget then goes to compromises between the best points (`compromises`), which
     fill the Pareto front.
 
     Parameters
@@ -112,6 +112,13 @@ def niching(
     InputError
         If the weights do not fit, or if every point of the first round failed.
 
+    Notes
+    -----
+    All new points come from the Sobol sequence. Firefly moves of the best points in place of a quarter or half of them
+    found fewer minima: on Rastrigin's function, turned, 99.3 and 98.1 % instead of 99.8 % in three dimensions (2,000
+    evaluations), 63 and 56 % instead of 70 % in four (3,000); once each basin is polished, what counts is to reach
+    those not yet seen.
+
     References
     ----------
     Rinnooy Kan and Timmer, "Stochastic global optimization methods, part II: multi level methods", Mathematical
@@ -126,15 +133,16 @@ def niching(
     history: list[Iteration] = []
     unseen = np.inf
     while True:
-        several = len(all_minima) > 1
-        kept_back = (settings.compromise if several else 0.0) + (settings.reserve if settings.tight else 0.0)
-        room = ledger.left - int(kept_back * ledger.budget)
-        if room <= 0:
+        size = min(max(settings.round, len(sample) // 20), ledger.left)
+        if size == 0:
             break
-        size = min(max(settings.round, len(sample) // 20), room)
         fresh, values = ledger.evaluate(sobol.random(size if len(sample) else 2 ** int(np.log2(size))))
         if not all_minima:
             all_minima = _scalarisations(weights, values)
+            share = (settings.compromise if len(all_minima) > 1 else 0.0) + (
+                settings.reserve if settings.tight else 0.0
+            )
+            ledger.reserved = int(share * ledger.budget)
         sample = np.concatenate([sample, fresh])
         for minima in all_minima:
             _polish_from(ledger, minima, sample, settings)
@@ -146,10 +154,11 @@ def niching(
             progress(ledger.used, ledger.budget, f"best {main.best:.4g}, {len(main.ends)} minima")
         if settings.unseen is not None and unseen < settings.unseen:
             break
+    ledger.reserved = 0
     if settings.tight is not None:
         all_minima[0] = _tightened(ledger, all_minima[0], settings)
     if len(all_minima) > 1:
-        compromises(ledger, all_minima, rng)
+        compromises(ledger, all_minima[0], rng)
     return _result(ledger, all_minima, sample, history, unseen, settings)
 
 
