@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mofit.search.archive import nondominated
+from mofit.search.front import nondominated
 from mofit.search.ledger import Ledger
 from mofit.search.minima import Minima
 

@@ -11,8 +11,8 @@ from scipy.stats import qmc
 
 from mofit.errors import Fault, InputError, raise_errors
 from mofit.parameters import Array
-from mofit.search.archive import nondominated
 from mofit.search.clusters import Clustering, cluster, one_cluster
+from mofit.search.front import nondominated
 from mofit.search.ledger import Objectives
 from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
 

@@ -6,7 +6,7 @@ import moocore
 import numpy as np
 
 from mofit.parameters import Array
-from mofit.search.archive import nondominated
+from mofit.search.front import nondominated
 
 #: Exact computation grows exponentially with the objectives: up to here it takes milliseconds.
 _EXACT_OBJECTIVES, _EXACT_POINTS = 4, 40

@@ -12,10 +12,11 @@ from scipy.stats import qmc
 
 from mofit.errors import Fault, InputError, raise_errors
 from mofit.parameters import Array
-from mofit.search.archive import nondominated
+from mofit.search.basins import archive
 from mofit.search.compromise import compromises
+from mofit.search.front import nondominated
 from mofit.search.ledger import Gradients, Ledger, Objectives
-from mofit.search.minima import End, Minima
+from mofit.search.minima import Minima
 from mofit.search.polish import Descent, PolishSettings, descend
 from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
 from mofit.search.unseen import expected_unseen
@@ -38,13 +39,15 @@ class NichingSettings:
     repel: float = 0.5
     """A polish this share of the exclusion radius from a known minimum is given up."""
     unseen: float | None = 0.1
-    """Stop when the expected number of minima not yet seen falls below this, for every objective and the weighted mean;
-    None: use the whole budget."""
+    """No more points when the expected number of minima of the weighted mean not yet seen falls below this; None: go on
+    to the end of the budget."""
     tight: float | None = None
     """Polish all minima once more, to steps below this."""
     reserve: float = 0.1
     """Share of the budget kept for that."""
-    compromise: float = 0.4
+    alone: float = 0.2
+    """Share of the budget kept, with several objectives, for the minima of each alone."""
+    compromise: float = 0.3
     """Share of the budget kept, with several objectives, for points between the best ones."""
     polish: PolishSettings = field(default_factory=PolishSettings)
 
@@ -55,6 +58,7 @@ class NichingSettings:
             ("keep", 0 < self.keep <= 1, "Give a share in (0, 1]"),
             ("together", self.together >= 1, "Give at least 1"),
             ("reserve", 0 <= self.reserve < 1, "Give a share in [0, 1)"),
+            ("alone", 0 <= self.alone < 1, "Give a share in [0, 1)"),
             ("compromise", 0 <= self.compromise < 1, "Give a share in [0, 1)"),
         ]
         raise_errors(
@@ -62,6 +66,10 @@ class NichingSettings:
             for name, fine, cure in checks
             if not fine
         )
+
+    def kept_back(self, objectives: int) -> float:
+        """Share of the budget that is not for the minima of the weighted mean."""
+        return (self.alone + self.compromise if objectives > 1 else 0.0) + (self.reserve if self.tight else 0.0)
 
 
 def niching(
@@ -83,9 +91,9 @@ def niching(
     if it has not started before, and if no known minimum lies within the exclusion radius. The end is a new minimum
     unless it is close to a known one, or a hill-valley test finds no hill between the two.
 
-    With several objectives the same points serve every scalarisation at no further cost: the weighted mean, and each
-    objective alone. What is left of the budget then goes to compromises between the best points (`compromises`), which
-    fill the Pareto front.
+    That goes on for the weighted mean of the objectives until few minima are expected unseen. With several objectives,
+    each alone is polished then, from the minima of the mean and from the same points. What is left of the budget goes
+    to compromises between the best points (`compromises`), which fill the Pareto front.
 
     Parameters
     ----------
@@ -129,26 +137,17 @@ def niching(
     ledger = Ledger(objectives, gradients, dimension, settings.evaluations)
     sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
     sample: Indices = np.empty(0, dtype=np.int64)
-    all_minima: list[Minima] = []
+    main = Minima(np.ones(1))
     history: list[Iteration] = []
     unseen = np.inf
-    while True:
-        size = min(max(settings.round, len(sample) // 20), ledger.left)
-        if size == 0:
-            break
+    while (size := min(max(settings.round, len(sample) // 20), ledger.left)) > 0:
         fresh, values = ledger.evaluate(sobol.random(size if len(sample) else 2 ** int(np.log2(size))))
-        if not all_minima:
-            all_minima = _scalarisations(weights, values)
-            share = (settings.compromise if len(all_minima) > 1 else 0.0) + (
-                settings.reserve if settings.tight else 0.0
-            )
-            ledger.reserved = int(share * ledger.budget)
+        if len(sample) == 0:
+            main = _weighted_mean(weights, values)
+            ledger.reserved = int(settings.kept_back(values.shape[1]) * ledger.budget)
         sample = np.concatenate([sample, fresh])
-        for minima in all_minima:
-            _polish_from(ledger, minima, sample, settings)
-        count = int(settings.keep * len(sample))
-        unseen = max(expected_unseen(count, len(minima.ends)) for minima in all_minima)
-        main = all_minima[0]
+        _polish_from(ledger, main, sample, settings)
+        unseen = expected_unseen(int(settings.keep * len(sample)), len(main.ends))
         history.append(Iteration(ledger.used, main.best, len(main.ends), main.exclusion))
         if progress is not None:
             progress(ledger.used, ledger.budget, f"best {main.best:.4g}, {len(main.ends)} minima")
@@ -156,34 +155,58 @@ def niching(
             break
     ledger.reserved = 0
     if settings.tight is not None:
-        all_minima[0] = _tightened(ledger, all_minima[0], settings)
-    if len(all_minima) > 1:
-        compromises(ledger, all_minima[0], rng)
-    return _result(ledger, all_minima, sample, history, unseen, settings)
+        main = _tightened(ledger, main, settings)
+    singles: list[Minima] = []
+    if len(main.weights) > 1:
+        ledger.reserved = min(int(settings.compromise * ledger.budget), ledger.left)
+        singles = _singles(ledger, main, sample, settings)
+        ledger.reserved = 0
+        compromises(ledger, main, rng)
+    return _result(ledger, [main, *singles], sample, history, unseen, settings)
 
 
-def _scalarisations(weights: ArrayLike | None, values: Array) -> list[Minima]:
-    """The weighted mean, then each objective alone."""
+def _weighted_mean(weights: ArrayLike | None, values: Array) -> Minima:
     if not np.isfinite(values).all(axis=1).any():
         raise InputError.of("search", f"all {len(values)} start points failed", "Check the model, or narrow the bounds")
-    count = values.shape[1]
-    singles = [Minima(row) for row in np.eye(count)] if count > 1 else []
-    return [Minima(normalised_weights(weights, count)), *singles]
+    return Minima(normalised_weights(weights, values.shape[1]))
 
 
-def _polish_from(ledger: Ledger, minima: Minima, sample: Indices, settings: NichingSettings) -> None:
-    """Start from every point of the sample that the rule of single linkage names."""
+#: Best minima of the weighted mean from which each objective alone is polished.
+_MODES = 4
+
+
+def _singles(ledger: Ledger, main: Minima, sample: Indices, settings: NichingSettings) -> list[Minima]:
+    """Minima of each objective alone: those near by the weighted mean's, then from the sample, in turn."""
+    singles = [Minima(row) for row in np.eye(len(main.weights))]
+    near = [(single, end.point, end.inverse) for end in main.ranked[:_MODES] for single in singles]
+    spread = 0.0
+    for descent in descend(ledger, near, settings.polish, settings.repel):
+        archive(ledger, descent, spread, settings.merge)
+    while ledger.left > 0:
+        before = ledger.used
+        for single in singles:
+            _polish_from(ledger, single, sample, settings, most=1)
+        if ledger.used == before:
+            break
+    return singles
+
+
+def _polish_from(
+    ledger: Ledger, minima: Minima, sample: Indices, settings: NichingSettings, most: int | None = None
+) -> None:
+    """Start from the points of the sample that the rule of single linkage names: all of them, or the ``most`` best."""
     points, cost = ledger.points[sample], minima.cost(ledger.values[sample])
     spread = float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
     waiting = [k for k in _linked(points, cost, settings.keep) if int(sample[k]) not in minima.started]
     while waiting and ledger.left > 0:
         away = minima.distance(points[waiting]) >= minima.exclusion
         waiting = [k for k, far in zip(waiting, away, strict=True) if far]
+        waiting = waiting[:most]
         batch, waiting = waiting[: settings.together], waiting[settings.together :]
         minima.started.update(int(sample[k]) for k in batch)
         ends = descend(ledger, [(minima, points[k], None) for k in batch], settings.polish, settings.repel)
         for descent in ends:
-            _archive(ledger, descent, spread, settings)
+            archive(ledger, descent, spread, settings.merge)
 
 
 def _linked(points: Array, cost: Array, keep: float) -> list[int]:
@@ -196,50 +219,6 @@ def _linked(points: Array, cost: Array, keep: float) -> list[int]:
     pairs = cKDTree(points[order]).query_pairs(radius, output_type="ndarray") if len(order) else np.empty((0, 2), int)
     alone[pairs.max(axis=1)] = False  # of each pair, the later one is the worse
     return [int(k) for k in order[alone]]
-
-
-def _archive(ledger: Ledger, descent: Descent, spread: float, settings: NichingSettings) -> None:
-    """Add the end of a descent to the minima, unless it is one of them."""
-    minima, end = descent.minima, descent.end
-    if end is None:
-        return
-    minima.inverses.append(end.inverse)
-    if minima.ends:
-        nearest = int(minima.nearest(end.point[None])[0])
-        known = minima.ends[nearest]
-        same = bool(np.linalg.norm(known.point - end.point) < settings.merge)
-        if not same and _no_hill_expected(known, end, spread):
-            same = not _hill_between(ledger, minima, known, end, spread)
-        if same:
-            if end.cost < known.cost:
-                minima.replace(nearest, end)
-            return
-    minima.add(end)
-
-
-#: A rise at mid-way of less than this share of the costs' interquartile range is no hill to be expected.
-_FLAT = 0.02
-#: A rise that a hill must have at least, as a share of that range.
-_ROUNDING = 1e-7
-#: interior points of a hill-valley test
-_INTERIOR = np.array([0.25, 0.5, 0.75])
-
-
-def _no_hill_expected(known: End, end: End, spread: float) -> bool:
-    """Whether the curvatures at both ends leave it open that they lie in one valley."""
-    gap = end.point - known.point
-    rises = []
-    for inverse in (known.inverse, end.inverse):
-        rises.append(float(gap @ np.linalg.pinv(inverse, rcond=1e-10, hermitian=True) @ gap) / 8)
-    return min(rises) < _FLAT * spread
-
-
-def _hill_between(ledger: Ledger, minima: Minima, known: End, end: End, spread: float) -> bool:
-    """Hill-valley test (Ursem 1999): whether a point between two ends is higher than both."""
-    line = known.point + _INTERIOR[:, None] * (end.point - known.point)
-    _, values = ledger.evaluate(line)
-    top = max(known.cost, end.cost) + _ROUNDING * spread
-    return bool(np.any(minima.cost(values) > top))
 
 
 def _tightened(ledger: Ledger, minima: Minima, settings: NichingSettings) -> Minima:
