@@ -91,7 +91,7 @@ def identify(
     test: tuple[str, ...] = (),
     model: str | None = None,
     effect: tuple[str, ...] = (),
-    search: str = "effa",
+    search: str = "niching",
     weights: tuple[str, ...] = (),
     bounds: tuple[str, ...] = (),
     fix: tuple[str, ...] = (),
@@ -121,7 +121,7 @@ def identify(
     effect
         Effect to add to the model: a shipped name, or path/to/file.py:Name; repeatable.
     search
-        effa (the default) or paper (the algorithm exactly as published).
+        niching (the default), paper (the firefly algorithm exactly as published) or surrogate (for expensive models).
     weights
         Weight of a test in the search, TEST=NUMBER; repeatable.
     bounds

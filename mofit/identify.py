@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mofit.assemble import assemble
 from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign import Campaign
-from mofit.errors import InputError, did_you_mean
+from mofit.errors import InputError
 from mofit.joint import JointProblem
 from mofit.journal import Clock, Journal
 from mofit.library import find_model
@@ -29,8 +29,9 @@ from mofit.report import write_report
 from mofit.result import write_result
 from mofit.run import plan_folder
 from mofit.sample import laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
-from mofit.search import SearchResult, effa
-from mofit.settings import SEARCHES, Settings, free_space
+from mofit.search import SearchResult
+from mofit.searching import search
+from mofit.settings import Settings, free_space
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Problem | JointProblem)
@@ -105,13 +106,13 @@ def identify(
         dynamic = dynamic_problem(model, selected, space, calibrations, settings)
         problem = main_problem(model, selected, space, calibrations, settings)
     with clock.measure("search"):
-        found = _search(dynamic, settings, progress)
+        found = search(dynamic, settings, partial(_relay, progress, "search"))
     with clock.measure("refine"):
         progress("refine", 0, 1, "")
         dynamic, rough = _refine(dynamic, _starts(found))
         problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
     with clock.measure("per_frequency"):
-        per_test = _per_test(dynamic, settings, progress)
+        per_test = _per_test(dynamic, _starts(found), progress)
     with clock.measure("baseline"):
         baseline = _baseline(model, campaign, selected, settings)
     with folder.at_work(configuration) as unfinished:
@@ -147,22 +148,9 @@ def _slug(title: str) -> str:
     return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40] or "run"
 
 
-def _search(problem: Problem, settings: Settings, progress: Progress) -> SearchResult:
-    if settings.search not in SEARCHES:
-        raise InputError.of("--search", f"unknown search '{settings.search}'", did_you_mean(settings.search, SEARCHES))
-    return effa(
-        problem.objectives,
-        len(problem.space),
-        np.random.default_rng(settings.seed),
-        SEARCHES[settings.search],
-        search_weights(problem, settings),
-        partial(_relay, progress, "search"),
-    )
-
-
 def _starts(found: SearchResult) -> Array:
-    """Stored cluster bests, the best point of each test alone, and the final swarm."""
-    rows = [*found.stored, *np.nanargmin(found.objectives, axis=0), *found.swarm]
+    """What the search stored, and its best point of each test alone."""
+    rows = [*found.stored, *np.nanargmin(found.objectives, axis=0)]
     return found.points[list(dict.fromkeys(int(row) for row in rows))]
 
 
@@ -230,19 +218,13 @@ def _relay(progress: Progress, stage: str, done: float, total: float, note: str)
     progress(stage, done, total, note)
 
 
-def _per_test(dynamic: Problem, settings: Settings, progress: Progress) -> dict[str, Fit]:
-    """Every test alone, as in the paper's Table 4: its own search and refined minima."""
+def _per_test(dynamic: Problem, starts: Array, progress: Progress) -> dict[str, Fit]:
+    """Every test alone, as in the paper's Table 4: refined from the minima that the search found for any test."""
     fits = {}
     for number, test in enumerate(dynamic.tests):
         progress("per frequency", number, len(dynamic.tests), test)
-        fits[test] = _fit(dynamic.select([test]), replace(settings, weights={}))
+        fits[test] = Fit(*_refine(dynamic.select([test]), starts))
     return fits
-
-
-def _fit(problem: Problem, settings: Settings) -> Fit:
-    """Search and refine without sampling."""
-    found = _search(problem, settings, silent)
-    return Fit(*_refine(problem, _starts(found)))
 
 
 def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Settings) -> Fit | None:
@@ -258,4 +240,5 @@ def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Se
     )
     space = free_space(reference, own)
     calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs)
-    return _fit(dynamic_problem(reference, selected, space, calibrations, own), own)
+    problem = dynamic_problem(reference, selected, space, calibrations, own)
+    return Fit(*_refine(problem, _starts(search(problem, own))))

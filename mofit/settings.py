@@ -10,9 +10,8 @@ from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.model import Model
 from mofit.parameters import ParameterSpace
 from mofit.sample import SampleSettings
-from mofit.search import PAPER, EffaSettings
 
-SEARCHES: Mapping[str, EffaSettings] = {"effa": EffaSettings(), "paper": PAPER}
+SEARCHES = ("niching", "paper", "surrogate")
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,8 @@ class Settings:
     Parameters
     ----------
     search
-        ``"effa"`` (cluster bests make trial moves, Sobol start) or ``"paper"`` (exactly as published).
+        ``"niching"`` (exact gradients, no start twice in a basin), ``"paper"`` (the enhanced firefly algorithm exactly
+        as published) or ``"surrogate"`` (few evaluations, for expensive models).
     weights
         Weight of a test's NRMSD in the search; 1 where not named.
     seed
@@ -39,7 +39,7 @@ class Settings:
         Threads; all cores by default.
     """
 
-    search: str = "effa"
+    search: str = "niching"
     weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     joint: bool = False

@@ -12,7 +12,7 @@ from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
 from mofit.result import quantity
-from mofit.sample import laplace_covariance
+from mofit.sample import laplace_covariance, r_hat
 from mofit.verdict import contraction, verdict
 
 Array = NDArray[np.float64]
@@ -60,7 +60,8 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
         "q50": (np.quantile(values, 0.50, axis=0), "as unit", "median"),
         "q95": (np.quantile(values, 0.95, axis=0), "as unit", "95 % quantile"),
         "ess": (chains.ess, "1", "effective sample size"),
-        "r_hat": (chains.r_hat, "1", "split R-hat between ensembles"),
+        # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
+        "r_hat": (r_hat(space.from_unit(draws)), "1", "split R-hat between ensembles"),
         "tau": (chains.tau, "1", "integrated autocorrelation time in steps"),
         "contraction": (contraction(samples), "1", "1 - posterior sd / prior sd"),
         "verdict": (verdict(samples), "1", "what the data say"),

@@ -16,6 +16,7 @@ from mofit.assemble.signals import constant_data, observed_data
 from mofit.outcome import Outcome
 from mofit.result import SCHEMA, quantity
 from mofit.run import configuration_hash
+from mofit.search import hypervolume_history
 
 #: The libraries whose versions can change a number.
 LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee", "xarray", "arviz-stats", "moocore")
@@ -130,10 +131,24 @@ def _search_values(outcome: Outcome, points: np.ndarray) -> np.ndarray:
     return np.asarray(full[:, columns])
 
 
+#: Evaluations at which the hypervolume is recorded, as shares of all.
+CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+
+
 def _search(outcome: Outcome) -> xr.Dataset:
     found = outcome.search
+    checkpoints = np.unique(np.ceil(np.array(CHECKPOINTS) * found.evaluations).astype(int))
     return xr.Dataset(
         {
+            "hypervolume": quantity(
+                "checkpoint",
+                hypervolume_history(found.objectives, checkpoints),
+                "1",
+                "share of the box between the best and the median of every objective that is dominated",
+            ),
+            "best": quantity(
+                "checkpoint", np.minimum.accumulate(found.cost)[checkpoints - 1], "1", "least weighted mean NRMSD"
+            ),
             "points": quantity(
                 ("evaluation", "parameter"), _search_values(outcome, found.points), "as unit", "evaluated points"
             ),
@@ -149,8 +164,14 @@ def _search(outcome: Outcome) -> xr.Dataset:
         {
             "parameter": ("parameter", list(outcome.problem.space.names)),
             "objective": ("objective", list(outcome.dynamic.tests)),
+            "checkpoint": ("checkpoint", checkpoints),
         },
-        {"method": outcome.configuration["search"], "evaluations": found.evaluations},
+        {
+            "method": outcome.configuration["search"],
+            "evaluations": found.evaluations,
+            "gradients": found.gradients,
+            "unseen": np.nan if found.unseen is None else found.unseen,
+        },
     )
 
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from mofit.report.display import count, math_symbol
+from mofit.report.display import count, math_symbol, number
 from mofit.report.front import extract_front, front_figure
+from mofit.report.growth import extract_growth, growth_figure
 from mofit.report.page import Block, Figure, Section, Text
 from mofit.report.run import Array, Run, labels, numbers
 from mofit.report.style import (
@@ -138,16 +141,27 @@ def search_section(run: Run) -> Section | None:
             Text(
                 f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the box and "
                 f"stored "
-                f"{len(found.stored)} cluster bests; distinct minima that remained after refinement: "
-                f"{len(run.clusters)}."
+                f"{len(found.stored)} of them as minima or bests of a cluster; distinct solutions after refinement: "
+                f"{len(run.clusters)}.{_unseen(attrs)}"
             )
         )
         blocks.append(_map(run, found))
+        progress = extract_growth(run)
+        if progress is not None:
+            blocks.append(growth_figure(progress))
     if front is not None and len(front.objectives) > 1:
         blocks.append(front_figure(front))
     if not blocks:
         return None
     return Section("search", "Search", blocks, {"search": found, "front": front})
+
+
+def _unseen(attrs: Mapping[Any, Any]) -> str:
+    """What the search says of minima it has not seen."""
+    unseen = float(attrs.get("unseen", np.nan))
+    if not np.isfinite(unseen):
+        return ""
+    return f" Minima of the mean over the tests that it expects not to have seen: {number(unseen, 2)}."
 
 
 def _map(run: Run, found: SearchMap) -> Figure:

@@ -6,6 +6,7 @@ from mofit.search.front import nondominated
 from mofit.search.hypervolume import hypervolume, hypervolume_history
 from mofit.search.niching import NichingSettings, niching
 from mofit.search.result import Iteration, SearchResult
+from mofit.search.surrogate import SurrogateSettings, surrogate
 
 __all__ = [
     "PAPER",
@@ -14,10 +15,12 @@ __all__ = [
     "Iteration",
     "NichingSettings",
     "SearchResult",
+    "SurrogateSettings",
     "cluster",
     "effa",
     "hypervolume",
     "hypervolume_history",
     "niching",
     "nondominated",
+    "surrogate",
 ]
