@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 from importlib import import_module
+from inspect import signature
 from typing import Any
 
-from mofit.errors import InputError, did_you_mean
+from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
-BENCHMARKS = ("kernel",)
+BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front")
 
 
-def run_benchmark(name: str) -> dict[str, Any]:
+def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
     """Run a benchmark: ``{"rows": one per competitor, "settings": what it was run with}``.
+
+    Parameters
+    ----------
+    name
+        One of `BENCHMARKS`.
+    options
+        Of the benchmark's ``run``: runs, seed, jobs; None takes its default.
 
     Raises
     ------
     InputError
-        If there is none of that name; names the closest one.
+        If there is none of that name (names the closest one), or if it does not take an option.
     """
     if name not in BENCHMARKS:
         raise InputError.of(f"bench {name}", "unknown benchmark", did_you_mean(name, BENCHMARKS))
-    rows, settings = import_module(f"mofit.bench.{name}").run()
+    run = import_module(f"mofit.bench.{name}").run
+    given = {option: value for option, value in options.items() if value is not None}
+    known = signature(run).parameters
+    raise_errors(
+        Fault(f"bench {name}, option --{option}", "it does not take this option", "Leave it out")
+        for option in given
+        if option not in known
+    )
+    rows, settings = run(**given)
     return {"rows": rows, "settings": settings}

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mofit.bench.rastrigin_figures import draw_figures
+
 
 def headings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Every key of any row, in the order of first appearance."""
@@ -32,10 +34,13 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path) -> Path:
         Made if it isn't there.
     """
     columns = headings(result["rows"])
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures = draw_figures(folder) if name == "rastrigin" else {}
+    options = "".join(f" --{key} {result['settings'][key]}" for key in ("runs", "seed") if key in result["settings"])
     lines = [
         f"# Benchmark: {name}",
         "",
-        f"Written by `mofit bench {name} --report {folder.as_posix()}`.",
+        f"Written by `mofit bench {name}{options} --report {folder.as_posix()}`.",
         "",
         f"| {' | '.join(column.replace('_', ' ') for column in columns)} |",
         "|---" * len(columns) + "|",
@@ -43,8 +48,8 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path) -> Path:
         "",
         *(f"- {key.replace('_', ' ')}: {value}" for key, value in result["settings"].items()),
         "",
+        *(f"![{caption}]({file})\n\n{caption}\n" for file, caption in pictures.items()),
     ]
-    folder.mkdir(parents=True, exist_ok=True)
     page = folder / "README.md"
     page.write_text("\n".join(lines), encoding="utf-8")
     return page

@@ -16,7 +16,7 @@ Gradients = Callable[[Array], tuple[Array, Array]]
 
 
 class Ledger:
-    """Evaluates points in batches and keeps them all; a value and a value with gradient count as one evaluation each.
+    """Evaluates points in batches and keeps them all.
 
     Parameters
     ----------
@@ -26,10 +26,15 @@ class Ledger:
         Number of coordinates d.
     budget
         Most evaluations.
+    gradient_cost
+        What a value with its gradient counts; a value counts one.
     """
 
-    def __init__(self, objectives: Objectives, gradients: Gradients, dimension: int, budget: int) -> None:
-        self._objectives, self._gradients, self.budget = objectives, gradients, budget
+    def __init__(
+        self, objectives: Objectives, gradients: Gradients, dimension: int, budget: int, gradient_cost: int = 1
+    ) -> None:
+        self._objectives, self._gradients = objectives, gradients
+        self.budget, self._gradient_cost = budget, gradient_cost
         self._points: list[Array] = [np.empty((0, dimension))]
         self._values: list[Array] = []
         self.used = 0
@@ -40,7 +45,12 @@ class Ledger:
     @property
     def left(self) -> int:
         """Evaluations that the budget still allows, the reserved ones left out."""
-        return max(0, self.budget - self.reserved - self.used)
+        return max(0, self.budget - self.reserved - self.used - (self._gradient_cost - 1) * self.with_gradient)
+
+    @property
+    def gradients_left(self) -> int:
+        """Values with gradient that the budget still allows."""
+        return self.left // self._gradient_cost
 
     @property
     def points(self) -> Array:
@@ -59,7 +69,7 @@ class Ledger:
 
     def differentiate(self, points: Array) -> tuple[Indices, Array, Array]:
         """Rows, objective vectors and gradients of as many of the points as the budget allows."""
-        points = points[: self.left]
+        points = points[: self.gradients_left]
         values, slopes = self._gradients(points)
         self.with_gradient += len(points)
         return *self._kept(points, np.asarray(values, dtype=float)), np.asarray(slopes, dtype=float)

@@ -27,7 +27,9 @@ class NichingSettings:
     """Settings of `niching`. Lengths are shares of the box."""
 
     evaluations: int = 600
-    """Budget; a value and a value with its gradient are one evaluation each."""
+    """Budget."""
+    gradient_cost: int = 1
+    """What a value with its gradient counts."""
     round: int = 32
     """Sobol points a round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
     keep: float = 0.5
@@ -134,7 +136,7 @@ def niching(
     optimization", Computational Optimization and Applications 30 (2005).
     """
     settings = settings or NichingSettings()
-    ledger = Ledger(objectives, gradients, dimension, settings.evaluations)
+    ledger = Ledger(objectives, gradients, dimension, settings.evaluations, settings.gradient_cost)
     sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
     sample: Indices = np.empty(0, dtype=np.int64)
     main = Minima(np.ones(1))
@@ -182,7 +184,7 @@ def _singles(ledger: Ledger, main: Minima, sample: Indices, settings: NichingSet
     spread = 0.0
     for descent in descend(ledger, near, settings.polish, settings.repel):
         archive(ledger, descent, spread, settings.merge)
-    while ledger.left > 0:
+    while ledger.gradients_left > 0:
         before = ledger.used
         for single in singles:
             _polish_from(ledger, single, sample, settings, most=1)
@@ -198,7 +200,7 @@ def _polish_from(
     points, cost = ledger.points[sample], minima.cost(ledger.values[sample])
     spread = float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
     waiting = [k for k in _linked(points, cost, settings.keep) if int(sample[k]) not in minima.started]
-    while waiting and ledger.left > 0:
+    while waiting and ledger.gradients_left > 0:
         away = minima.distance(points[waiting]) >= minima.exclusion
         waiting = [k for k, far in zip(waiting, away, strict=True) if far]
         waiting = waiting[:most]

@@ -71,12 +71,12 @@ def descend(
         A walker that comes within ``repel`` times the exclusion radius of a known minimum, or of a better walker's
         point, is given up: it is predicted to end there. 0 follows all to their ends.
     """
-    if not starts or ledger.left <= 0:
+    if not starts or ledger.gradients_left == 0:
         return []
     walkers = _begin(ledger, starts, settings)
     while True:
         going = [walker for walker in walkers if walker.state == "going"]
-        if not going or ledger.left <= 0:
+        if not going or ledger.gradients_left == 0:
             break
         trials = np.stack([np.clip(w.point + w.scale * w.move, 0.0, 1.0) for w in going])
         rows, values, slopes = ledger.differentiate(trials)

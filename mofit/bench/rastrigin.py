@@ -1,0 +1,141 @@
+"""The paper's test function: its Table 2, mofit's searches and their peers, plain and shifted and rotated."""
+
+from __future__ import annotations
+
+import platform
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from mofit.bench import peers
+from mofit.bench.competitors import Absent
+from mofit.bench.rastrigin_function import Rastrigin, found
+from mofit.parameters import Array
+
+#: Table 2 of Hackl et al. 2016: % of 100 runs with the global minimum, and with >= 10, 9, 8, 7, 6, <= 5 minima.
+PUBLISHED = (82.0, 4.0, 13.0, 21.0, 38.0, 17.0, 7.0)
+#: The same of an independent prototype of the algorithm, 4,000 runs.
+PROTOTYPE = (81.2, 3.9, 12.6, 24.8, 32.4, 19.4, 6.9)
+BINS = ("10 or more", "9", "8", "7", "6", "5 or fewer")
+#: A minimum counts within this distance: the paper's, and a strict one.
+LOOSE, STRICT = 0.3, 0.05
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A competitor: its budget, whether it takes gradients, and the most runs (slow ones do fewer)."""
+
+    name: str
+    search: peers.Search
+    budget: int = 600
+    gradients: bool = False
+    runs: int = 10_000
+
+
+ENTRIES = (
+    Entry("paper", peers.paper),
+    Entry("niching", peers.by_niching, gradients=True),
+    Entry("surrogate", peers.by_surrogate, 300, runs=200),
+    Entry("multi-start L-BFGS-B, Sobol", peers.multi_start, gradients=True),
+    Entry("MLSL (NLopt)", peers.mlsl, gradients=True),
+    Entry("shgo, Sobol", peers.shgo, runs=200),
+    Entry("basin hopping", peers.basin_hopping, gradients=True),
+    Entry("differential evolution", peers.differential_evolution, runs=200),
+)
+
+
+def run(runs: int = 1000, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """All competitors on both functions.
+
+    Parameters
+    ----------
+    runs
+        Of each competitor; the slow ones do at most 200.
+    seed
+        Of all runs; every run has its own stream, so that results do not depend on ``jobs``.
+    jobs
+        Processes.
+
+    Returns
+    -------
+    rows
+        One per competitor, function and price of a gradient.
+    settings
+        What they were run with.
+    """
+    rows: list[dict[str, Any]] = [_published("paper, published (100 runs)", PUBLISHED, 100)]
+    rows.append(_published("paper, prototype (4,000 runs)", PROTOTYPE, 4000))
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for turned in (False, True):
+            for entry in ENTRIES:
+                for price in (1, 3) if entry.gradients else (1,):
+                    single = partial(_single, entry, turned, price, seed)
+                    count = min(runs, entry.runs)
+                    try:
+                        results = list(pool.map(single, range(count), chunksize=8))
+                    except Absent as reason:
+                        rows.append({"search": entry.name, "function": _function(turned), "skipped": str(reason)})
+                    else:
+                        rows.append(_row(entry, turned, price, results))
+    libraries = {name: version(name) for name in ("numpy", "scipy")}
+    return rows, {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries, **NOTES}
+
+
+NOTES = {
+    "function": "Rastrigin on [-2, 2]^2; shifted by up to 1 and rotated at random in every run of the second half",
+    "found": f"a reported point within {LOOSE} (bins, as in the paper) or {STRICT} (strict) of a minimum",
+    "price": "evaluations that a value with its gradient counts",
+}
+
+
+def _function(turned: bool) -> str:
+    return "shifted, rotated" if turned else "plain"
+
+
+def _published(name: str, numbers: tuple[float, ...], runs: int) -> dict[str, Any]:
+    return {
+        "search": name, "function": _function(False), "runs": runs, "evaluations": 600, "price": None,
+        "global %": numbers[0], **{f"{label} %": share for label, share in zip(BINS, numbers[1:], strict=True)},
+    }  # fmt: skip
+
+
+def _single(entry: Entry, turned: bool, price: int, seed: int, number: int) -> tuple[Array, int]:
+    """Global and number found, loosely and strictly, of how many; and what was spent."""
+    rng = np.random.default_rng([seed, number, turned])
+    function = Rastrigin.turned(rng) if turned else Rastrigin.plain()
+    answer = entry.search(function, 2, entry.budget, rng, price)
+    points, minima = function.scaled(answer.points), function.minima
+    counts = [found(points, minima[:k], tolerance) for tolerance in (LOOSE, STRICT) for k in (1, None)]
+    return np.array([*counts, len(minima)]), answer.spent
+
+
+def _row(entry: Entry, turned: bool, price: int, results: list[tuple[Array, int]]) -> dict[str, Any]:
+    counts = np.array([result for result, _ in results], dtype=float)
+    loosely_global, loosely, strictly_global, strictly, inside = counts.T
+    row = {
+        "search": entry.name,
+        "function": _function(turned),
+        "runs": len(results),
+        "evaluations": float(np.mean([spent for _, spent in results])),
+        "price": price,
+        "global %": 100 * float(loosely_global.mean()),
+    }
+    if not turned:
+        row |= {f"{label} %": share for label, share in zip(BINS, _bins(loosely), strict=True)}
+    return row | {
+        "strict global %": 100 * float(strictly_global.mean()),
+        "strict found": float(strictly.mean()),
+        "of": float(inside.mean()),
+        "strict share %": 100 * float(strictly.sum() / inside.sum()),
+        "all found %": 100 * float(np.mean(strictly == inside)),
+    }
+
+
+def _bins(counts: Array) -> list[float]:
+    inner = [100 * float(np.mean(counts == k)) for k in (9, 8, 7, 6)]
+    return [100 * float(np.mean(counts >= 10)), *inner, 100 * float(np.mean(counts <= 5))]
