@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -83,7 +84,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
     console = _console()
-    table = Table(*(column.replace("_", " ") for column in headings(rows)))
+    table = Table(*(column.replace("_", " ") for column in headings(rows)), box=SIMPLE, padding=(0, 1, 0, 0))
+    table.columns[0].no_wrap = True
     for row in rows:
         table.add_row(*(cell(row.get(heading)) for heading in headings(rows)))
     console.print(table)

@@ -60,6 +60,11 @@ class Counted:
         value, slope = self.landscape.gradient(u[None])
         return self._noted(float(value[0, 0]), u), slope[0, 0]
 
+    def slope(self, u: Array) -> Array:
+        """Gradient at the point (d,) whose value has just been paid."""
+        self._pay(self.gradient_cost - 1)
+        return self.landscape.gradient(u[None])[1][0, 0]
+
     def _pay(self, price: int) -> None:
         if self.spent + price > self.budget:
             raise Spent
@@ -85,7 +90,7 @@ def by_niching(landscape: Landscape, dimension: int, budget: int, rng: np.random
     """The default search, made to use the whole budget."""
     settings = NichingSettings(evaluations=budget, gradient_cost=price, unseen=None)
     result = niching(landscape.value, landscape.gradient, dimension, rng, settings)
-    return Answer(result.stored_points, result.evaluations)
+    return Answer(result.stored_points, result.evaluations + (price - 1) * result.gradients)
 
 
 def by_surrogate(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int) -> Answer:
@@ -142,22 +147,21 @@ def mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Gener
     return Answer(points[sizes < _FLAT * np.max(sizes, initial=0.0)], counted.spent)
 
 
-def shgo(landscape: Landscape, dimension: int, budget: int, _: np.random.Generator, __: int) -> Answer:
-    """Simplicial homology on Sobol points (SciPy) with as many of them as the budget allows."""
-    answer = Answer(np.empty((0, dimension)), 0)
-    points = 32
+def shgo(landscape: Landscape, dimension: int, budget: int, _: np.random.Generator, price: int) -> Answer:
+    """Simplicial homology on Sobol points (SciPy): of 16, 32, ... points within the budget, those that find most."""
+    answer, most = Answer(np.empty((0, dimension)), 0), 0
+    points = 16
     while points < budget:
-        counted = Counted(landscape, budget)
-        try:
+        counted = Counted(landscape, budget, price)
+        with suppress(Spent):
             found = optimize.shgo(
                 counted.value, [(0, 1)] * dimension, n=points, iters=1, sampling_method="sobol",
-                options={"maxfev": budget}, minimizer_kwargs={"method": "L-BFGS-B"},
+                options={"jac": counted.slope}, minimizer_kwargs={"method": "L-BFGS-B"},
             )  # fmt: skip
-        except Spent:
-            break
-        if found.success:
-            answer = Answer(np.atleast_2d(found.xl), counted.spent)
-        points = int(1.5 * points)
+            distinct = len(np.unique(np.round(found.xl, 2), axis=0)) if found.success else 0
+            if distinct > most:
+                answer, most = Answer(np.atleast_2d(found.xl), counted.spent), distinct
+        points *= 2
     return answer
 
 
