@@ -41,39 +41,50 @@ class Spent(Exception):
     """The budget is used up."""
 
 
-class Counted:
-    """One point at a time, each evaluation counted; `Spent` is raised beyond the budget."""
+#: Peers see the unit cube as [0, 60]^d: the first step of L-BFGS is one unit, and a longer one jumps out of its basin
+#: (multi-start finds half as many of Rastrigin's minima on [-2, 2]^2).
+WIDTH = 60.0
 
-    def __init__(self, landscape: Landscape, budget: int, gradient_cost: int = 1) -> None:
-        self.landscape, self.budget, self.gradient_cost = landscape, budget, gradient_cost
+
+class Counted:
+    """One point of [0, WIDTH]^d at a time, each evaluation counted; `Spent` is raised beyond the budget."""
+
+    def __init__(self, landscape: Landscape, dimension: int, budget: int, gradient_cost: int = 1) -> None:
+        self.landscape, self.dimension = landscape, dimension
+        self.budget, self.gradient_cost = budget, gradient_cost
+        self.bounds = [(0.0, WIDTH)] * dimension
         self.spent = 0
         self.best: tuple[float, Array] = (np.inf, np.empty(0))
 
-    def value(self, u: Array) -> float:
+    def value(self, x: Array) -> float:
         """Function at a point (d,)."""
         self._pay(1)
-        return self._noted(float(self.landscape.value(u[None])[0, 0]), u)
+        return self._noted(float(self.landscape.value(x[None] / WIDTH)[0, 0]), x)
 
-    def both(self, u: Array) -> tuple[float, Array]:
+    def both(self, x: Array) -> tuple[float, Array]:
         """Function and gradient at a point (d,)."""
         self._pay(self.gradient_cost)
-        value, slope = self.landscape.gradient(u[None])
-        return self._noted(float(value[0, 0]), u), slope[0, 0]
+        value, slope = self.landscape.gradient(x[None] / WIDTH)
+        return self._noted(float(value[0, 0]), x), slope[0, 0] / WIDTH
 
-    def slope(self, u: Array) -> Array:
+    def slope(self, x: Array) -> Array:
         """Gradient at the point (d,) whose value has just been paid."""
         self._pay(self.gradient_cost - 1)
-        return self.landscape.gradient(u[None])[1][0, 0]
+        return self.landscape.gradient(x[None] / WIDTH)[1][0, 0] / WIDTH
 
     def _pay(self, price: int) -> None:
         if self.spent + price > self.budget:
             raise Spent
         self.spent += price
 
-    def _noted(self, value: float, u: Array) -> float:
+    def _noted(self, value: float, x: Array) -> float:
         if value < self.best[0]:
-            self.best = value, u.copy()
+            self.best = value, x.copy()
         return value
+
+    def answer(self, points: Array) -> Answer:
+        """Points (n, d) as shares of the box, with what has been spent."""
+        return Answer(np.reshape(points, (-1, self.dimension)) / WIDTH, self.spent)
 
 
 Search = Callable[[Landscape, int, int, np.random.Generator, int], Answer]
@@ -101,13 +112,13 @@ def by_surrogate(landscape: Landscape, dimension: int, budget: int, rng: np.rand
 
 def multi_start(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
     """L-BFGS-B from one Sobol point after the other; every end counts."""
-    counted, ends = Counted(landscape, budget, price), []
+    counted, ends = Counted(landscape, dimension, budget, price), []
     starts = qmc.Sobol(dimension, scramble=True, rng=rng).random(2 ** int(np.ceil(np.log2(budget))))
     with suppress(Spent):
-        for start in starts:
-            end = optimize.minimize(counted.both, start, jac=True, method="L-BFGS-B", bounds=[(0, 1)] * dimension)
+        for start in WIDTH * starts:
+            end = optimize.minimize(counted.both, start, jac=True, method="L-BFGS-B", bounds=counted.bounds)
             ends.append(end.x)
-    return Answer(np.array(ends).reshape(-1, dimension), counted.spent)
+    return counted.answer(np.array(ends))
 
 
 #: A point of a local solver at which the gradient is below this share of the largest that was met is an end of it.
@@ -120,7 +131,7 @@ def mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Gener
         import nlopt  # type: ignore[import-untyped]
     except ImportError:
         raise Absent("nlopt is not installed (extra 'bench')") from None
-    counted, visited, slopes = Counted(landscape, budget, price), [], []
+    counted, visited, slopes = Counted(landscape, dimension, budget, price), [], []
 
     def function(u: Array, slope: Array) -> float:
         try:
@@ -139,12 +150,12 @@ def mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Gener
     local.set_xtol_rel(1e-4)
     solver.set_local_optimizer(local)
     solver.set_lower_bounds(np.zeros(dimension))
-    solver.set_upper_bounds(np.ones(dimension))
+    solver.set_upper_bounds(np.full(dimension, WIDTH))
     solver.set_min_objective(function)
     with suppress(nlopt.ForcedStop, nlopt.runtime_error):  # the latter where the line search fails at the end
-        solver.optimize(rng.random(dimension))
+        solver.optimize(WIDTH * rng.random(dimension))
     points, sizes = np.array(visited).reshape(-1, dimension), np.array(slopes)
-    return Answer(points[sizes < _FLAT * np.max(sizes, initial=0.0)], counted.spent)
+    return counted.answer(points[sizes < _FLAT * np.max(sizes, initial=0.0)])
 
 
 def shgo(landscape: Landscape, dimension: int, budget: int, _: np.random.Generator, price: int) -> Answer:
@@ -152,41 +163,39 @@ def shgo(landscape: Landscape, dimension: int, budget: int, _: np.random.Generat
     answer, most = Answer(np.empty((0, dimension)), 0), 0
     points = 16
     while points < budget:
-        counted = Counted(landscape, budget, price)
+        counted = Counted(landscape, dimension, budget, price)
         with suppress(Spent):
             found = optimize.shgo(
-                counted.value, [(0, 1)] * dimension, n=points, iters=1, sampling_method="sobol",
+                counted.value, counted.bounds, n=points, iters=1, sampling_method="sobol",
                 options={"jac": counted.slope}, minimizer_kwargs={"method": "L-BFGS-B"},
             )  # fmt: skip
-            distinct = len(np.unique(np.round(found.xl, 2), axis=0)) if found.success else 0
+            distinct = len(np.unique(np.round(found.xl), axis=0)) if found.success else 0
             if distinct > most:
-                answer, most = Answer(np.atleast_2d(found.xl), counted.spent), distinct
+                answer, most = counted.answer(found.xl), distinct
         points *= 2
     return answer
 
 
 def basin_hopping(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
     """Basin hopping (SciPy) with L-BFGS-B; every local end counts."""
-    counted, ends = Counted(landscape, budget, price), []
-    local = {"method": "L-BFGS-B", "jac": True, "bounds": [(0, 1)] * dimension}
+    counted, ends = Counted(landscape, dimension, budget, price), []
+    local = {"method": "L-BFGS-B", "jac": True, "bounds": counted.bounds}
     with suppress(Spent):
         optimize.basinhopping(
-            counted.both, rng.random(dimension), niter=budget, stepsize=0.3, minimizer_kwargs=local, rng=rng,
-            callback=lambda x, *_: ends.append(np.clip(x, 0, 1)),
+            counted.both, WIDTH * rng.random(dimension), niter=budget, stepsize=WIDTH / 2, minimizer_kwargs=local,
+            rng=rng, callback=lambda x, *_: ends.append(x),
         )  # fmt: skip
-    return Answer(np.array(ends).reshape(-1, dimension), counted.spent)
+    return counted.answer(np.array(ends))
 
 
 def differential_evolution(
     landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int
 ) -> Answer:
     """Differential evolution (SciPy); its best point counts."""
-    counted = Counted(landscape, budget)
+    counted = Counted(landscape, dimension, budget)
     with suppress(Spent):
-        optimize.differential_evolution(
-            counted.value, [(0, 1)] * dimension, rng=rng, maxiter=budget, polish=False, tol=0
-        )
-    return Answer(counted.best[1].reshape(-1, dimension), counted.spent)
+        optimize.differential_evolution(counted.value, counted.bounds, rng=rng, maxiter=budget, polish=False, tol=0)
+    return counted.answer(counted.best[1])
 
 
 #: Of a population, those whose cost is within this share of its range above the best count as its optima.

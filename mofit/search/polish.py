@@ -51,6 +51,8 @@ class _Walker:
     move: Array
     scale: float = 1.0
     trials: int = 0
+    steepest: float = 0.0
+    doubted: bool = False
     state: str = "going"  # going, there, known
 
 
@@ -122,14 +124,25 @@ def _free(walker: _Walker) -> NDArray[np.bool_]:
     return ~pressed
 
 
+#: A descent that stops where the gradient is more than this share of its steepest is sent on once.
+_FLAT = 0.2
+
+
 def _aim(walker: _Walker, settings: PolishSettings) -> None:
     """Choose the next move: quasi-Newton on the free coordinates, no longer than the cap; none ends the descent."""
     free = _free(walker)
     move = np.zeros_like(walker.point)
     move[free] = -walker.inverse[np.ix_(free, free)] @ walker.slope[free]
     length = float(np.linalg.norm(move))
+    steepness = float(np.linalg.norm(walker.slope[free]))
+    walker.steepest = max(walker.steepest, steepness)
     if not length > settings.tolerance:
-        walker.state = "there"
+        if walker.doubted or not steepness > _FLAT * walker.steepest:
+            walker.state = "there"
+        else:  # a curvature met on the way stops it on a slope
+            walker.doubted = True
+            walker.inverse = _borrowed(walker, settings)
+            _aim(walker, settings)
         return
     walker.move = move * min(1.0, settings.longest_step / length)
     walker.scale = 1.0
