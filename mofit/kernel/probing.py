@@ -28,6 +28,8 @@ _UNSTABLE = 6.0
 _SHARE = 0.25
 #: order of convergence from which the error may be interpolated
 _CLEAN = 2.7
+#: and up to which: where it seems higher, half as many steps were unstable
+_STABLE = 6.0
 
 
 class Probing:
@@ -121,11 +123,13 @@ def _change(coarse: Array, fine: Array) -> Array:
 def _interpolated(steps: int, change: Array, last: Array, allowed: float) -> Array:
     """Number of steps at which the change would be as allowed, from that at ``steps`` and at half as many.
 
-    Where steps cross kinks convergence is slow and erratic: nothing is taken off there.
+    Where steps cross kinks convergence is slow and erratic, and near the limit of stability it is sudden: nothing is
+    taken off there.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        order = np.where(np.isfinite(last), np.log2(last / change), 4.0)
-        needed = np.where(order > _CLEAN, steps * (change / allowed) ** (1 / np.minimum(order, 4.0)), steps)
+        order = np.full(change.shape, 4.0) if steps == 1 else np.log2(last / change)
+        usual = (order > _CLEAN) & (order < _STABLE)
+        needed = np.where(usual, steps * (change / allowed) ** (1 / np.minimum(order, 4.0)), steps)
     return np.clip(np.nan_to_num(needed, nan=steps), 0.5 * steps if steps > 1 else 0.1, steps)
 
 

@@ -11,8 +11,8 @@ from mofit.kernel.runner import Choice, Runner
 from mofit.kernel.steps import RK4, RODAS4
 from mofit.library import find_model
 from mofit.library.maxwell_tyre import MaxwellTyre
-from mofit.model import build_system
-from mofit.parameters import ParameterSpace
+from mofit.model import Channel, Equations, Model, build_system
+from mofit.parameters import Parameter, ParameterSpace
 
 TYRE = build_system(MaxwellTyre())
 LOWER, UPPER, NOMINAL = (
@@ -153,3 +153,25 @@ def test_order_of_convergence(scheme, order):
     y = [runner.stored(p, [Choice((Rung(scheme, n),), np.zeros(1, dtype=np.intp))], False)[0] for n in (2, 4, 64)]
     ratio = np.max(np.abs(y[0] - y[2])) / np.max(np.abs(y[1] - y[2]))
     assert np.log2(ratio) > order - 0.5
+
+
+class StiffSpring(Model):
+    """y = u + 0.001 (u - x), x' = (u - x) / tau: a fast branch that hardly shows in the output."""
+
+    name = "stiff_spring"
+    states = (Channel("x", "m"),)
+    inputs = (Channel("u", "m"),)
+    outputs = (Channel("y", "N"),)
+    parameters = (Parameter("tau", "s", 1e-6, 10.0, 0.3, "log"),)
+
+    def equations(self, s):
+        return Equations({"y": s.u + 1e-3 * (s.u - s.x)}, {"x": (s.u - s.x) / s.tau}, {"x": s.u})
+
+
+@pytest.mark.parametrize("stiffness", [17.0, 20.0, 31.0, 41.7, 65.0, 83.0])
+def test_no_unstable_number_of_steps_is_chosen(stiffness):
+    system, step = build_system(StiffSpring()), 0.05
+    drive = sine_drive(system, 0.1, 800, step)
+    p = np.array([[step / stiffness]])
+    (y,) = Simulator(system, [drive], ()).simulate(p)
+    assert worst(system, drive, y[0], p[0]) < 1e-6
