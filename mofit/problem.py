@@ -158,6 +158,11 @@ class Problem:
         """The problem with another view of its noise."""
         return replace(self, noise=noise)
 
+    def with_fixed(self, values: Mapping[str, float]) -> Problem:
+        """The problem with other values of parameters that are not free; those of free ones are ignored."""
+        known = {name: float(values.get(name, value)) for name, value in self.fixed.items()}
+        return replace(self, fixed=known)
+
     def near(self, points: Array, spread: Array) -> Problem:
         """The same problem, integrated for the neighbourhood of points (K, d) with standard deviations (d,) only.
 
