@@ -36,8 +36,8 @@ class JointProblem:
         """Tests of the main problem, then those of the companions."""
         return self.main.tests + tuple(test for companion in self.companions for test in companion.tests)
 
-    def _share(self, companion: Problem, u: Array) -> tuple[Array, Array, Array]:
-        """A companion's own coordinates, their indices in the main space, and d(own)/d(main)."""
+    def share(self, companion: Problem, u: Array) -> tuple[Array, Array, Array]:
+        """A companion's own coordinates at points (N, d), their indices in the main space, and d(own)/d(main)."""
         names = companion.space.names
         index = np.array([self.space.index(name) for name in names], dtype=int)
         values = self.space.from_unit(u)
@@ -60,14 +60,14 @@ class JointProblem:
     def objectives(self, u: Array) -> Array:
         """NRMSD per test, shape (N, tests)."""
         parts = [self.main.objectives(u)]
-        parts += [companion.objectives(self._share(companion, u)[0]) for companion in self.companions]
+        parts += [companion.objectives(self.share(companion, u)[0]) for companion in self.companions]
         return np.concatenate(parts, axis=1)
 
     def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
         """Negative log posterior (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
         value, gradient, hessian = self.main.evaluate(u)
         for companion in self.companions:
-            own, index, stretch = self._share(companion, u)
+            own, index, stretch = self.share(companion, u)
             more, slope, curvature = companion.evaluate(own)
             value = value + more
             gradient[:, index] += slope * stretch
@@ -80,5 +80,21 @@ class JointProblem:
         usable = np.isfinite(result)
         if usable.any():
             for companion in self.companions:
-                result[usable] += companion.log_posterior(self._share(companion, u[usable])[0])
+                result[usable] += companion.log_posterior(self.share(companion, u[usable])[0])
         return result
+
+    def squares(self, u: Array) -> Array:
+        """Weighted sum of all tests' squares, shape (N,)."""
+        total = self.main.squares(u)
+        for companion in self.companions:
+            total = total + companion.squares(self.share(companion, u)[0])
+        return total
+
+    @property
+    def prior_precision(self) -> Array:
+        """Of the main problem's Gaussian prior, shape (d, d)."""
+        return self.main.prior_precision
+
+    def prior_value(self, u: Array) -> Array:
+        """Negative log density of the main problem's Gaussian prior up to a constant, shape (N,)."""
+        return self.main.prior_value(u)

@@ -134,12 +134,23 @@ class Problem:
         if not inside.any():
             return result
         points = u[inside]
-        mean, precision = self._prior_terms
-        offset = points - mean
-        value = negative_log_likelihood(self.simulator.cost(self.full(points)), self.noise)
-        value = value + 0.5 * np.einsum("ni,ij,nj->n", offset, precision, offset)
+        value = negative_log_likelihood(self.simulator.cost(self.full(points)), self.noise) + self.prior_value(points)
         result[inside] = np.where(np.isfinite(value), -value, -np.inf)
         return result
+
+    def squares(self, u: Array) -> Array:
+        """Weighted sum of all tests' squares, shape (N,), as the likelihood sees them."""
+        return np.asarray(self.simulator.cost(self.full(u)) @ self.noise.weights)
+
+    @property
+    def prior_precision(self) -> Array:
+        """Of the Gaussian prior, shape (d, d)."""
+        return self._prior_terms[1]
+
+    def prior_value(self, u: Array) -> Array:
+        """Negative log density of the Gaussian prior up to a constant, shape (N,)."""
+        mean, precision = self._prior_terms
+        return np.asarray(0.5 * np.einsum("ni,ij,nj->n", u - mean, precision, u - mean))
 
     def simulate(self, u: Array) -> list[Array]:
         """Simulated outputs per test, shape (N, samples, outputs)."""

@@ -1,5 +1,6 @@
 """What is minimised: NRMSD per test for the search, a likelihood for refinement and sampling."""
 
+from mofit.objectives.curvature import Adjustment, Score, adjust, join_scores
 from mofit.objectives.likelihood import (
     Noise,
     TestSums,
@@ -13,11 +14,15 @@ from mofit.objectives.nrmsd import nrmsd
 from mofit.objectives.prior import GaussianPrior
 
 __all__ = [
+    "Adjustment",
     "GaussianPrior",
     "Noise",
+    "Score",
     "TestSums",
+    "adjust",
     "common_gap",
     "effective_samples",
+    "join_scores",
     "likelihood_terms",
     "negative_log_likelihood",
     "nrmsd",

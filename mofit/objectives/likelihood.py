@@ -55,6 +55,11 @@ class Noise:
             return np.ones_like(self.floor)
         return self.floor**2 + self.gap**2 + RESIDUAL_FLOOR**2
 
+    @property
+    def weights(self) -> Array:
+        """Weight of each test's squares."""
+        return np.asarray(self.independent / (self.count * self.variance))
+
     def select(self, index: list[int]) -> Noise:
         """The noise of some of the tests."""
         return replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
@@ -120,7 +125,7 @@ def effective_samples(residuals: Array) -> float:
 
 def _weights(noise: Noise) -> tuple[Array, float, float]:
     """Weight of each test's cost in Q, the number of independent residuals, and what perfect data leave of Q."""
-    weights = noise.independent / (noise.count * noise.variance)
+    weights = noise.weights
     return weights, float(noise.independent.sum()), float(np.sum(weights * noise.count) * RESIDUAL_FLOOR**2)
 
 

@@ -1,0 +1,147 @@
+r"""A likelihood that is as wide as its estimate scatters: curvature adjustment.
+
+Summed squares :math:`q_0(u) = \sum_t w_t C_t(u)` take residuals as independent and equally large. The estimate that
+minimises them is sound all the same, but scatters with the covariance :math:`H^{-1} J H^{-1}` (H: curvature of
+:math:`q_0 / 2`; J: covariance of its slope under the true noise), not :math:`H^{-1}`. The adjusted likelihood takes
+the squares at a point that is drawn towards the minimum,
+
+.. math::
+    q(u) = \kappa \, [q_0(u_0 + T (u - u_0)) - q_0(u_0)], \quad
+    T = H^{-1/2} (\kappa M)^{-1/2} H^{1/2}, \quad M = H^{-1/2} J H^{-1/2},
+
+so that its curvature is :math:`H J^{-1} H`, while bounds, priors and the shape far from the minimum stay those of the
+model. :math:`\kappa` is the largest for which no direction is stretched.
+
+References
+----------
+Ribatet, Cooley & Davison, "Bayesian inference from composite likelihoods", Statistica Sinica 22 (2012).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: Curvature below this share of the largest is that of a flat direction.
+_FLAT = 1e-12
+
+
+@dataclass(frozen=True)
+class Score:
+    """What every test says at a point: weighted curvature N, covariance of the weighted slope J, slope g.
+
+    Parameters
+    ----------
+    slope
+        w_t times the gradient of C_t / 2, shape (T, d).
+    normal
+        w_t times the Gauss-Newton matrix, (T, d, d).
+    noise, gap
+        Covariance of the slope by noise, and by what the model misses, (T, d, d).
+    freedom
+        Degrees of freedom behind the noise of each test, (T,).
+    gap_freedom
+        Those behind the gap.
+    """
+
+    slope: Array
+    normal: Array
+    noise: Array
+    gap: Array
+    freedom: Array
+    gap_freedom: float
+
+    def spread(self, index: Array, stretch: Array, dimension: int) -> Score:
+        """The same in a larger space: own coordinates at ``index``, d(own) / d(larger) = ``stretch``."""
+        place = np.zeros((len(index), dimension))
+        place[np.arange(len(index)), index] = stretch
+
+        def matrices(own: Array) -> Array:
+            return np.asarray(place.T @ own @ place)
+
+        return Score(
+            self.slope @ place, matrices(self.normal), matrices(self.noise), matrices(self.gap),
+            self.freedom, self.gap_freedom,
+        )  # fmt: skip
+
+
+def join_scores(scores: list[Score]) -> Score:
+    """All tests of several problems; only the first one's gap counts."""
+
+    def together(name: str) -> Array:
+        return np.concatenate([getattr(score, name) for score in scores])
+
+    return Score(
+        slope=together("slope"),
+        normal=together("normal"),
+        noise=together("noise"),
+        gap=together("gap"),
+        freedom=together("freedom"),
+        gap_freedom=scores[0].gap_freedom,
+    )
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """The map and the constants of the adjusted likelihood around one minimum; see the module."""
+
+    centre: Array
+    map: Array
+    scale: float
+    linear: Array
+    precision: Array
+    freedom: float
+
+    def mapped(self, u: Array) -> Array:
+        """Where the squares are taken for points (N, d)."""
+        return np.asarray(self.centre + (u - self.centre) @ self.map.T)
+
+    def value(self, change: Array, u: Array) -> Array:
+        r"""Negative log likelihood relative to the centre, (N,), from the change of the squares :math:`q_0` there.
+
+        The noise was estimated with :math:`\nu` degrees of freedom:
+        :math:`\tfrac{\nu + d}{2} \log(1 + q / \nu)` in place of :math:`q / 2`.
+        """
+        square = self.scale * change + 2 * (u - self.centre) @ self.linear
+        square = np.maximum(square, -0.5 * self.freedom)
+        return np.asarray(0.5 * (self.freedom + len(self.centre)) * np.log1p(square / self.freedom))
+
+
+def adjust(score: Score, centre: Array, with_gap: bool) -> Adjustment:
+    """The adjustment at a minimum (d,) for noise alone, or for noise and gap."""
+    dimension = len(centre)
+    normal, slope = score.normal.sum(axis=0), score.slope.sum(axis=0)
+    parts = [*score.noise, *(score.gap if with_gap else [])]
+    freedoms = np.array([*score.freedom, *([score.gap_freedom] * len(score.gap) if with_gap else [])])
+    scatter = np.sum(parts, axis=0)
+    ratio = np.trace(scatter) / max(float(np.trace(normal)), np.finfo(float).tiny)
+    flat = _FLAT * np.trace(normal) / dimension + np.finfo(float).tiny
+    normal, scatter = normal + flat * np.eye(dimension), scatter + ratio * flat * np.eye(dimension)
+    values, vectors = np.linalg.eigh(normal)
+    values = np.maximum(values, flat)
+    root, inverse_root = (vectors * values**0.5) @ vectors.T, (vectors * values**-0.5) @ vectors.T
+    spreads, axes = np.linalg.eigh(inverse_root @ scatter @ inverse_root)
+    spreads = np.maximum(spreads, 1e-6 * spreads.max())
+    scale = 1.0 / float(spreads.min())
+    matrix = inverse_root @ (axes * (scale * spreads) ** -0.5) @ axes.T @ root
+    precision = root @ (axes / spreads) @ axes.T @ root
+    wanted = precision @ np.linalg.solve(normal, slope)
+    return Adjustment(
+        centre=centre,
+        map=matrix,
+        scale=scale,
+        linear=wanted - scale * matrix.T @ slope,
+        precision=precision,
+        freedom=_freedom(parts, freedoms, inverse_root),
+    )
+
+
+def _freedom(parts: list[Array], freedoms: Array, inverse_root: Array) -> float:
+    """Of a sum of estimated covariances (Satterthwaite), on average over the directions."""
+    shares = np.array([np.trace(inverse_root @ part @ inverse_root) for part in parts])
+    total = float(np.sum(shares**2 / freedoms))
+    return float(np.sum(shares) ** 2 / total) if total > 0 else 1e6

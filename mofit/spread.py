@@ -1,0 +1,61 @@
+"""A problem whose posterior is as wide as the noise of its data and the gap of its model ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.joint import JointProblem
+from mofit.objectives import Adjustment, adjust
+from mofit.problem import Problem
+from mofit.score import score
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SpreadProblem:
+    """One mode of a problem with the adjusted likelihood (`mofit.objectives.curvature`).
+
+    Parameters
+    ----------
+    problem
+        The problem, ready to be evaluated around the mode.
+    adjustment
+        The map at the mode's minimum.
+    offset
+        Negative log likelihood of the problem itself there, so that modes compare.
+    squares
+        Weighted squares there.
+    """
+
+    problem: Problem | JointProblem
+    adjustment: Adjustment
+    offset: float
+    squares: float
+
+    def log_posterior(self, u: Array) -> Array:
+        """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
+        result = np.full(len(u), -np.inf)
+        inside = np.all((u >= 0) & (u <= 1), axis=1)
+        if inside.any():
+            points = u[inside]
+            change = self.problem.squares(self.adjustment.mapped(points)) - self.squares
+            value = self.offset + self.adjustment.value(change, points) + self.problem.prior_value(points)
+            result[inside] = np.where(np.isfinite(value), -value, -np.inf)
+        return result
+
+    @property
+    def hessian(self) -> Array:
+        """Of -log posterior at the minimum, shape (d, d)."""
+        shape = (self.adjustment.freedom + len(self.adjustment.centre)) / self.adjustment.freedom
+        return shape * self.adjustment.precision + self.problem.prior_precision
+
+
+def spread_problem(problem: Problem | JointProblem, point: Array, with_gap: bool = True) -> SpreadProblem:
+    """The problem around a minimum (d,), with noise alone or with noise and gap."""
+    adjustment = adjust(score(problem, point), point, with_gap)
+    offset = -float(problem.log_posterior(point[None])[0]) - float(problem.prior_value(point[None])[0])
+    return SpreadProblem(problem, adjustment, offset, float(problem.squares(point[None])[0]))
