@@ -18,6 +18,7 @@ from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, build_problem
 from mofit.refine import merge, refine
 from mofit.sample import laplace_covariance
+from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
         raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
     problem = problem.with_noise_at(minima[0].point)
     best = merge(refine(problem.evaluate, minima[0].point[None]))[0]
-    return Calibration(stage, problem, best.point, best.hessian)
+    return Calibration(stage, problem, best.point, spread_problem(problem, best.point).hessian)
 
 
 def calibrated_values(calibrations: list[Calibration]) -> Mapping[str, float]:

@@ -32,6 +32,7 @@ from mofit.sample import laplace_covariance, laplace_log_evidence, mode_weights,
 from mofit.search import SearchResult
 from mofit.searching import search
 from mofit.settings import Settings, free_space
+from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Problem | JointProblem)
@@ -145,6 +146,21 @@ def identify(
     return folder.target, tree
 
 
+def sampled_modes(
+    campaign: Campaign, model: Model, settings: Settings, tests: tuple[str, ...] = ()
+) -> tuple[Mode, ...]:
+    """The modes that `identify` would report, for studies: nothing is written."""
+    space = free_space(model, settings)
+    calibrations, _ = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
+    selected = campaign.select(choose_tests(model, campaign, tests))
+    dynamic = dynamic_problem(model, selected, space, calibrations, settings)
+    dynamic, rough = _refine(dynamic, _starts(search(dynamic, settings)))
+    problem, minima = _refine_all(
+        main_problem(model, selected, space, calibrations, settings), dynamic, rough, calibrated_values(calibrations)
+    )
+    return _sample(problem, minima, settings, None, silent)
+
+
 def _slug(title: str) -> str:
     return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40] or "run"
 
@@ -192,26 +208,31 @@ def _sample(
     problem: Problem | JointProblem,
     minima: tuple[Minimum, ...],
     settings: Settings,
-    path: Path,
+    path: Path | None,
     progress: Progress,
 ) -> tuple[Mode, ...]:
-    plausible, evidence = _plausible(minima, settings.least_weight)
-    plausible, evidence = plausible[: settings.most_modes], evidence[: settings.most_modes]
+    plausible, _ = _plausible(minima, settings.least_weight)
+    spreads = []
+    for minimum in plausible[: settings.most_modes]:
+        local = problem.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
+        spreads.append((minimum, spread_problem(local, minimum.point), spread_problem(local, minimum.point, False)))
+    evidence = [laplace_log_evidence(m.value, wide.hessian, m.point, m.gradient) for m, wide, _ in spreads]
     weights = mode_weights(evidence)
     sampled = []
-    for number, minimum in enumerate(plausible, start=1):
-        covariance = laplace_covariance(minimum.hessian)
+    for number, (minimum, wide, narrow) in enumerate(spreads, start=1):
         chains = sample_mode(
-            problem.near(minimum.point[None], np.sqrt(np.diag(covariance))).log_posterior,
+            wide.log_posterior,
             minimum.point,
-            covariance,
+            laplace_covariance(wide.hessian),
             (settings.seed, number),
             settings.sampling,
             backend_path=path,
             mode=f"c{number}",
-            progress=partial(_relay, progress, f"sample mode {number} of {len(plausible)}"),
+            progress=partial(_relay, progress, f"sample mode {number} of {len(spreads)}"),
         )
-        sampled.append(Mode(f"c{number}", minimum, float(evidence[number - 1]), float(weights[number - 1]), chains))
+        own = replace(minimum, hessian=wide.hessian)
+        index = number - 1
+        sampled.append(Mode(f"c{number}", own, narrow.hessian, float(evidence[index]), float(weights[index]), chains))
     return tuple(sampled)
 
 
@@ -227,7 +248,8 @@ def _per_test(dynamic: Problem, starts: Array, progress: Progress) -> dict[str, 
     fits = {}
     for number, test in enumerate(dynamic.tests):
         progress("per frequency", number, len(dynamic.tests), test)
-        fits[test] = Fit(*_refine(dynamic.select([test]), starts))
+        problem, minima = _refine(dynamic.select([test]), starts)
+        fits[test] = Fit(problem, tuple(replace(m, hessian=spread_problem(problem, m.point).hessian) for m in minima))
     return fits
 
 

@@ -21,10 +21,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Mode:
-    """A refined cluster with the samples around it."""
+    """A refined cluster with the samples around it.
+
+    Parameters
+    ----------
+    name, weight
+        Of the mode; its share in the posterior.
+    minimum
+        With the Hessian that noise and gap ask for.
+    noise_hessian
+        What it would be for noise alone.
+    log_evidence, chains
+        Laplace's, and the samples.
+    """
 
     name: str
     minimum: Minimum
+    noise_hessian: Array
     log_evidence: float
     weight: float
     chains: Chains

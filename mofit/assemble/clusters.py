@@ -54,6 +54,11 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
         "value": (space.from_unit(minimum.point), "as unit", "refined minimum"),
         "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
         "laplace_sd": (laplace_sd(problem, minimum), "as unit", "standard deviation (Laplace)"),
+        "noise_sd": (
+            np.sqrt(np.diag(laplace_covariance(mode.noise_hessian))) * space.slope(space.from_unit(minimum.point)),
+            "as unit",
+            "standard deviation if the model were right: noise alone, no gap (Laplace)",
+        ),
         "mean": (values.mean(axis=0), "as unit", "posterior mean"),
         "sd": (values.std(axis=0), "as unit", "posterior standard deviation"),
         "q05": (np.quantile(values, 0.05, axis=0), "as unit", "5 % quantile"),
