@@ -15,6 +15,7 @@ import numpy as np
 from mofit.bench import peers
 from mofit.bench.cec2013_functions import FUNCTIONS, Niching, found_optima
 from mofit.bench.competitors import Absent
+from mofit.bench.rows import Rows
 from mofit.parameters import Array
 from mofit.search import NichingSettings, niching
 
@@ -97,20 +98,23 @@ def run(runs: int = 50, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
     settings
         What they were run with.
     """
-    rows: list[dict[str, Any]] = []
+    rows = Rows("cec2013", {"runs": runs, "seed": seed})
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for function in range(len(FUNCTIONS)):
             for entry in range(len(ENTRIES)):
                 most = min(runs, ENTRIES[entry].runs, FEW if FUNCTIONS[function].budget >= LARGE else runs)
-                head = {"function": _label(FUNCTIONS[function]), "search": ENTRIES[entry].name}
-                try:
-                    results = list(pool.map(partial(_single, function, entry, seed), range(most)))
-                except Absent as reason:
-                    rows.append({**head, "skipped": str(reason)})
-                else:
-                    rows.append({**head, "runs": most, **_scores(results)})
+                head = {"function": _label(FUNCTIONS[function]), "search": ENTRIES[entry].name, "runs": most}
+                rows.add(head, partial(_all, pool, function, entry, seed, most))
     libraries = {name: version(name) for name in ("numpy", "scipy", "casadi")}
-    return rows, {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries, **PUBLISHED}
+    return rows.done(), {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries, **PUBLISHED}
+
+
+def _all(pool: ProcessPoolExecutor, function: int, entry: int, seed: int, runs: int) -> dict[str, Any]:
+    """What all runs of one competitor on one function come to."""
+    try:
+        return _scores(list(pool.map(partial(_single, function, entry, seed), range(runs))))
+    except Absent as reason:
+        return {"skipped": str(reason)}
 
 
 def _label(function: Niching) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from mofit.bench import peers
 from mofit.bench.competitors import Absent
 from mofit.bench.rastrigin_function import Rastrigin, found
+from mofit.bench.rows import Rows
 from mofit.parameters import Array
 
 #: Table 2 of Hackl et al. 2016: % of 100 runs with the global minimum, and with >= 10, 9, 8, 7, 6, <= 5 minima.
@@ -69,22 +70,23 @@ def run(runs: int = 1000, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, 
     settings
         What they were run with.
     """
-    rows: list[dict[str, Any]] = [_published("Table 2", PUBLISHED, 100)]
-    rows.append(_published("prototype", PROTOTYPE, 4000))
+    rows = Rows("rastrigin", {"runs": runs, "seed": seed})
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for turned in (False, True):
             for entry in ENTRIES:
                 for price in (1, 3) if entry.gradients else (1,):
-                    single = partial(_single, entry, turned, price, seed)
                     count = min(entry.times * runs, entry.runs)
-                    try:
-                        results = list(pool.map(single, range(count), chunksize=8))
-                    except Absent as reason:
-                        rows.append({"search": entry.name, "function": _function(turned), "skipped": str(reason)})
-                    else:
-                        rows.append(_row(entry, turned, price, results))
+                    head = {"search": entry.name, "function": _function(turned), "runs": count, "price": price}
+                    rows.add(head, partial(_all, pool, entry, turned, price, seed, count))
+    published = [_published("Table 2", PUBLISHED, 100), _published("prototype", PROTOTYPE, 4000)]
     libraries = {name: version(name) for name in ("numpy", "scipy")}
-    return rows, {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries, **NOTES}
+    return [*published, *rows.done()], {
+        "runs": runs,
+        "seed": seed,
+        "python": platform.python_version(),
+        **libraries,
+        **NOTES,
+    }
 
 
 NOTES = {
@@ -97,13 +99,21 @@ NOTES = {
 }
 
 
+def _all(pool: ProcessPoolExecutor, entry: Entry, turned: bool, price: int, seed: int, runs: int) -> dict[str, Any]:
+    """What all runs of one competitor come to."""
+    try:
+        return _row(turned, list(pool.map(partial(_single, entry, turned, price, seed), range(runs), chunksize=8)))
+    except Absent as reason:
+        return {"skipped": str(reason)}
+
+
 def _function(turned: bool) -> str:
     return "turned" if turned else "plain"
 
 
 def _published(name: str, numbers: tuple[float, ...], runs: int) -> dict[str, Any]:
     return {
-        "search": name, "function": _function(False), "runs": runs, "spent": 600, "price": None,
+        "search": name, "function": _function(False), "runs": runs, "price": None, "spent": 600,
         "global %": numbers[0], **{f"{label} %": share for label, share in zip(BINS, numbers[1:], strict=True)},
     }  # fmt: skip
 
@@ -118,17 +128,10 @@ def _single(entry: Entry, turned: bool, price: int, seed: int, number: int) -> t
     return np.array([*counts, len(minima)]), answer.spent
 
 
-def _row(entry: Entry, turned: bool, price: int, results: list[tuple[Array, int]]) -> dict[str, Any]:
+def _row(turned: bool, results: list[tuple[Array, int]]) -> dict[str, Any]:
     counts = np.array([result for result, _ in results], dtype=float)
     loosely_global, loosely, strictly_global, strictly, inside = counts.T
-    row = {
-        "search": entry.name,
-        "function": _function(turned),
-        "runs": len(results),
-        "spent": float(np.mean([spent for _, spent in results])),
-        "price": price,
-        "global %": 100 * float(loosely_global.mean()),
-    }
+    row = {"spent": float(np.mean([spent for _, spent in results])), "global %": 100 * float(loosely_global.mean())}
     if not turned:
         row |= {f"{label} %": share for label, share in zip(BINS, _bins(loosely), strict=True)}
     return row | {

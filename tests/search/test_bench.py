@@ -7,6 +7,7 @@ from mofit.bench import peers, rastrigin, run_benchmark
 from mofit.bench.cec2013_functions import FUNCTIONS, found_optima
 from mofit.bench.competitors import Absent
 from mofit.bench.rastrigin_function import Rastrigin, found
+from mofit.bench.rows import Rows
 from mofit.errors import InputError
 
 VINCENT = np.exp((np.pi / 2 + 2 * np.pi * np.arange(-2, 4)) / 10)
@@ -79,7 +80,8 @@ def test_peers_keep_to_their_budget(name):
     assert found(function.scaled(answer.points), function.minima, 0.3) >= 1
 
 
-def test_rows_do_not_depend_on_jobs(monkeypatch):
+def test_rows_do_not_depend_on_jobs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(rastrigin, "ENTRIES", rastrigin.ENTRIES[:2])
     rows, settings = rastrigin.run(runs=2, seed=4)
     again, _ = rastrigin.run(runs=2, seed=4, jobs=2)
@@ -92,3 +94,16 @@ def test_rows_do_not_depend_on_jobs(monkeypatch):
 def test_options_that_a_benchmark_does_not_take():
     with pytest.raises(InputError, match="--runs"):
         run_benchmark("kernel", runs=3)
+
+
+def test_kept_rows_are_taken_and_a_torn_one_is_made_anew(tmp_path):
+    first = Rows("study", {"seed": 1}, tmp_path)
+    first.add({"a": 1}, lambda: {"b": 0.5})
+    first.add({"a": 2}, lambda: {"b": 0.25})
+    first.path.write_text(first.path.read_text()[:-5])
+    again = Rows("study", {"seed": 1}, tmp_path)
+    again.add({"a": 1}, lambda: pytest.fail("it was there"))
+    again.add({"a": 2}, lambda: {"b": 0.75})
+    assert [row["b"] for row in again.done()] == [0.5, 0.75]
+    assert not first.path.exists()
+    assert Rows("study", {"seed": 2}, tmp_path).path != first.path
