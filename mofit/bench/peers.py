@@ -159,7 +159,7 @@ def mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Gener
 
 
 def shgo(landscape: Landscape, dimension: int, budget: int, _: np.random.Generator, price: int) -> Answer:
-    """Simplicial homology on Sobol points (SciPy): of 16, 32, ... 1,024 points within the budget, those that find most."""
+    """Simplicial homology on 16, 32, ... 1,024 Sobol points (SciPy): of those within the budget, what finds most."""
     answer, most = Answer(np.empty((0, dimension)), 0), 0
     points = 16
     while points < min(budget, 1025):  # its triangulation takes minutes beyond
