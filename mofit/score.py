@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import f as fisher
 
 from mofit.joint import JointProblem
 from mofit.objectives import Score, join_scores
@@ -70,18 +70,21 @@ def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, f
     The fit has taken up to one degree of freedom per parameter out of the two that each fundamental has.
     """
     lined = [process for process in processes if len(process.lines)]
-    pairs = [np.stack([process.repeated, process.spectrum[process.lines]], axis=1) for process in lined]
-    first = np.array([pair[0] for pair in pairs]).reshape(-1, 2)
-    higher = np.concatenate([pair[1:] for pair in pairs] or [np.empty((0, 2))])
+    pairs = [np.stack([p.repeated, p.spectrum[p.lines], p.freedom[p.lines]], axis=1) for p in lined]
+    first = np.array([pair[0] for pair in pairs]).reshape(-1, 3)
+    higher = np.concatenate([pair[1:] for pair in pairs] or [np.empty((0, 3))])
     freedom = float(max(2 * len(first) - parameters, 0))
     return (_excess(first, freedom), _excess(higher, 2.0 * len(higher))), max(freedom, 1.0)
 
 
-def _excess(power: Array, freedom: float) -> float:
-    """Power per line beyond the noise; 0 where chance explains it."""
-    if freedom <= 0 or 2 * np.sum(power[:, 0] / power[:, 1]) < chi2.isf(_CHANCE, freedom):
+def _excess(lines: Array, freedom: float) -> float:
+    """Power per line beyond the noise, from power, noise and the degrees of freedom of the latter; 0 if by chance."""
+    if freedom <= 0:
         return 0.0
-    return max(float(2 / freedom * np.sum(power[:, 0]) - np.mean(power[:, 1])), 0.0)
+    power, noise, known = lines.T
+    if 2 / freedom * np.sum(power / noise) < fisher.isf(_CHANCE, freedom, np.median(known)):
+        return 0.0
+    return max(float(2 / freedom * np.sum(power) - np.mean(noise)), 0.0)
 
 
 def _on_lines(process: NoiseProcess, excess: tuple[float, float]) -> Array:
