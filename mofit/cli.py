@@ -14,7 +14,7 @@ from cyclopts import App, CycloptsError, Parameter
 from mofit import __version__
 from mofit.errors import InputError
 
-DONE, UNUSABLE, NOT_CONVERGED = 0, 2, 3
+DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
 INTERRUPTED = 130
 
 app = App(
@@ -257,6 +257,34 @@ def report(run: Path, /, *, as_json: Json = False) -> int:
     else:
         print(page)
     return DONE
+
+
+@app.command
+def uncertainty(run: Path, /, *, parameter: tuple[str, ...] = (), as_json: Json = False) -> int:
+    """Build the uncertainty page of a run: intervals, flat directions, predictive bands, agreement of the tests.
+
+    Example: mofit uncertainty runs/my-campaign-maxwell_tyre --parameter d_M
+
+    Parameters
+    ----------
+    run
+        Folder of a finished run.
+    parameter
+        Ask for this parameter: exit code 4 if the data do not identify it; repeatable.
+    """
+    from mofit.report import build_uncertainty, spread_table
+    from mofit.result import open_result
+
+    tree = open_result(run)
+    table = spread_table(tree, parameter)
+    page = build_uncertainty(run, tree)
+    if as_json:
+        _print_json({"uncertainty": str(page), **table})
+    else:
+        print(page)
+    if not table["converged"]:
+        return NOT_CONVERGED
+    return NOT_IDENTIFIABLE if table["not_identifiable"] else DONE
 
 
 @app.command

@@ -15,7 +15,7 @@ import xarray as xr
 
 from mofit.report.calibration import calibration_section
 from mofit.report.convergence import convergence_section
-from mofit.report.drawing import draw_sections
+from mofit.report.drawing import Maker, draw_sections
 from mofit.report.error_per_test import error_section
 from mofit.report.making import making_section
 from mofit.report.method import method_section
@@ -28,10 +28,24 @@ from mofit.report.run import Run
 from mofit.report.search_map import search_section
 from mofit.report.style import RC
 from mofit.report.summary import summary_section
+from mofit.report.uncertainty import UNCERTAINTY_SECTIONS
 from mofit.result import atomic_path, open_result
 
 REPORT_FILE = "report.html"
 DATA_FOLDER = "report_data"
+UNCERTAINTY_FILE = "uncertainty.html"
+UNCERTAINTY_FOLDER = "uncertainty_data"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Page:
+    """A file, the folder of the numbers behind it, what its title begins with, and its sections in order."""
+
+    file: str
+    data: str
+    lead: str
+    makers: Sequence[Maker]
+
 
 _SECTIONS = (
     summary_section,
@@ -47,6 +61,9 @@ _SECTIONS = (
     method_section,
 )
 """In the order of the page; a section that finds nothing to show returns None."""
+
+_REPORT = _Page(REPORT_FILE, DATA_FOLDER, "", _SECTIONS)
+_UNCERTAINTY = _Page(UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, "Uncertainty: ", UNCERTAINTY_SECTIONS)
 
 
 def build_report(folder: Path | str) -> Path:
@@ -67,21 +84,50 @@ def build_report(folder: Path | str) -> Path:
     InputError
         If the folder has no readable ``result.nc``; nothing is written then.
     """
-    return write_report(open_result(folder), folder)
+    return write_report(open_result(folder), _folder(folder))
 
 
 def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
     """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder."""
-    folder, run = Path(folder), Run(tree)
+    return _write(_REPORT, tree, Path(folder))
+
+
+def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Path:
+    """Write ``uncertainty.html`` and ``uncertainty_data/*.json`` into a run folder; see `build_report`.
+
+    Parameters
+    ----------
+    folder
+        The run folder.
+    tree
+        Its result, if it is in memory already.
+    """
+    return _write(_UNCERTAINTY, open_result(folder) if tree is None else tree, _folder(folder))
+
+
+def _folder(source: Path | str) -> Path:
+    """The run folder, of which ``result.nc`` may be named instead."""
+    path = Path(source)
+    return path.parent if path.is_file() else path
+
+
+def _write(page: _Page, tree: xr.DataTree, folder: Path) -> Path:
+    run = Run(tree)
     with mpl.rc_context(RC):
-        sections = draw_sections(run, _SECTIONS)
-    _write_data(sections, folder / DATA_FOLDER)
+        sections = draw_sections(run, page.makers)
+    _write_data(sections, folder / page.data)
+    file = folder / page.file
+    with atomic_path(file) as temporary:
+        text = render(page.lead + str(run.tree.attrs["title"]), _subtitle(run), sections)
+        temporary.write_text(text, encoding="utf-8")
+    return file
+
+
+def _subtitle(run: Run) -> str:
     attrs = run.tree.attrs
-    subtitle = f"{attrs['model_title']} · {attrs['campaign_title']} ({attrs['campaign_source']}) · {attrs['created']}"
-    page = folder / REPORT_FILE
-    with atomic_path(page) as temporary:
-        temporary.write_text(render(str(attrs["title"]), subtitle, sections), encoding="utf-8")
-    return page
+    campaign, source = str(attrs["campaign_title"]), f"({attrs['campaign_source']})"
+    told = campaign if source in campaign else f"{campaign} {source}"
+    return f"{attrs['model_title']} · {told} · {attrs['created']}"
 
 
 def _write_data(sections: Sequence[Section], folder: Path) -> None:

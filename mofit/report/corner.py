@@ -10,8 +10,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure as Canvas
 
 from mofit.report.display import math_symbol, number
-from mofit.report.page import Figure
-from mofit.report.run import Array, Cluster, Run
+from mofit.report.page import Block, Figure, Section, tabs
+from mofit.report.run import Array, Cluster, Run, tab_title
 from mofit.report.style import WIDTH, cluster_colour, image_of
 
 _BINS = 64
@@ -175,3 +175,13 @@ def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
         good="round, compact shapes with the cross in the darkest part.",
         bad="long thin ridges (parameters that can't be told apart), bananas, or shapes cut off by a bound.",
     )
+
+
+def corner_section(run: Run) -> Section | None:
+    """A corner plot per solution, where there is more than one parameter."""
+    panes: dict[str, list[Block]] = {
+        tab_title(cluster): [corner_figure(extract_corner(run, cluster), cluster)]
+        for cluster in run.shown
+        if cluster.draws is not None and len(cluster.parameters) > 1
+    }
+    return Section("corner", "Joint posterior of each pair", tabs(panes)) if panes else None

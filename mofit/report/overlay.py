@@ -77,12 +77,19 @@ def extract_overlays(run: Run, cluster: Cluster) -> list[Overlay]:
     return [_overlay(run, cluster, k, test) for k, test in enumerate(run.tests) if test in predicted]
 
 
+def judged(run: Run, test: str) -> NDArray[np.bool_]:
+    """Which samples of a test counted."""
+    constant = run.tree.children["constant_data"]
+    if f"{test}_weight" in constant.data_vars:
+        return np.asarray(numbers(constant, f"{test}_weight") > 0)
+    return np.ones(run.tree.children["observed_data"].dataset[test].size, dtype=bool)
+
+
 def _overlay(run: Run, cluster: Cluster, index: int, test: str) -> Overlay:
-    observed, constant = run.tree.children["observed_data"].dataset[test], run.tree.children["constant_data"]
+    observed = run.tree.children["observed_data"].dataset[test]
     name = str(observed.attrs["long_name"]).replace("_", " ")
     driver = run.input_of(test)
-    weighted = f"{test}_weight" in constant.data_vars
-    kept = numbers(constant, f"{test}_weight") > 0 if weighted else np.ones(observed.size, dtype=bool)
+    kept = judged(run, test)
     low, high = _band(cluster, test)
     return Overlay(
         test=test,

@@ -83,7 +83,7 @@ def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool
     if over_frequency:
         axes.set_xscale("log")
         axes.xaxis.set_minor_locator(NullLocator())
-        axes.xaxis.set_major_locator(FixedLocator(_thinned(x)))
+        axes.xaxis.set_major_locator(FixedLocator(thinned(x)))
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     else:
         axes.set_xticks(x, found.tests, rotation=35, ha="right")
@@ -98,7 +98,7 @@ def draw_per_test(found: PerTest, k: int, bounds: tuple[float, float], log: bool
     return axes
 
 
-def _thinned(x: Array) -> list[float]:
+def thinned(x: Array) -> list[float]:
     """Tick places at least a third of an octave apart."""
     kept: list[float] = []
     for value in sorted(x.tolist()):

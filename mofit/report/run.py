@@ -195,6 +195,14 @@ class Run:
 
         return (scaled(values) - scaled(lower)) / (scaled(upper) - scaled(lower))
 
+    def from_unit(self, places: Array, parameters: list[str]) -> Array:
+        """Values at places in the prior box; the inverse of `to_unit`."""
+        lower = np.asarray(self.of_parameters("lower", parameters), dtype=float)
+        upper = np.asarray(self.of_parameters("upper", parameters), dtype=float)
+        log = self.is_log(parameters)
+        low, high = np.where(log, lower, 1.0), np.where(log, upper, 1.0)
+        return np.where(log, low * (high / low) ** places, lower + places * (upper - lower))
+
     def moved(self, points: Array, names: list[str]) -> list[int]:
         """Places of the parameters that differ between points by over a thousandth of the box (all if none does)."""
         spread = np.ptp(self.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))

@@ -69,7 +69,7 @@ def _extreme(choose: Callable[[np.ndarray], float], arrays: list[np.ndarray]) ->
 def summary_section(run: Run) -> Section:
     """Banner, sentences and a row of key figures."""
     found = extract_headline(run)
-    blocks: list[Block] = [_banner(found), _cards(run, found), Text(_best(run)), Text(_fit(run, found))]
+    blocks: list[Block] = [convergence_banner(found), _cards(run, found), Text(_best(run)), Text(_fit(run, found))]
     blocks += [Text(_solutions(run, found)), Text(_pinned(run, found))]
     warnings = run.json("warnings")
     if warnings:
@@ -78,7 +78,8 @@ def summary_section(run: Run) -> Section:
     return Section("summary", "Summary", blocks, {"headline": found, "warnings": warnings})
 
 
-def _banner(found: Headline) -> Raw:
+def convergence_banner(found: Headline) -> Raw:
+    """Whether the run converged, in one coloured box."""
     diagnosis = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {count_or_dash(found)}"
     if found.converged:
         text = f"The run converged: independent ensembles agree ({diagnosis})."
