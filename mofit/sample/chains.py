@@ -14,6 +14,9 @@ from mofit.sample.run import Run
 from mofit.sample.settings import SampleSettings
 from mofit.sample.strays import strays
 
+LEAST_ENSEMBLES = 4
+"""R-hat between fewer is unreliable (Vehtari et al. 2021)."""
+
 
 @dataclass(frozen=True)
 class Chains:
@@ -26,7 +29,7 @@ class Chains:
     acceptance
         Share of accepted proposals, shape (ensemble,).
     tau
-        Autocorrelation time in steps, per parameter the largest of the ensembles, shape (d,).
+        Autocorrelation time in steps, per parameter, over the walkers of all ensembles, shape (d,).
     ess, r_hat
         Effective number and rank-normalised split R-hat of `thinned` draws, shape (d,): what ArviZ shows for them.
     discard
@@ -62,21 +65,20 @@ class Chains:
         return self.chain.shape[1]
 
     def thinned(self) -> Draws:
-        """Nearly independent draws: every ceil(tau)-th step of the walkers that stayed."""
+        """Nearly independent draws: every ceil(2 tau)-th step of the walkers that stayed."""
         return _draws(self.chain, self.log_prob, self.stuck | self.left, self.tau, self.discard)
 
 
 def assess(run: Run, settings: SampleSettings) -> Chains:
-    """Convergence of a run as it stands."""
+    """Convergence of a run as it stands: whether every requirement holds, see `SampleSettings`."""
     chain = np.stack([ensemble.chain for ensemble in run.ensembles])
     log_prob = np.stack([ensemble.chain_log_prob for ensemble in run.ensembles])
     steps = chain.shape[1]
-    tau = np.max([autocorrelation_time(part) for part in chain], axis=0)
+    tau = autocorrelation_time(_side_by_side(chain))
     stuck, left = strays(chain, log_prob, float(tau.max()))
     stray = stuck | left
-    if stray.any():
-        kept = [part[:, ~gone] for part, gone in zip(chain, stray, strict=True) if not gone.all()]
-        tau = np.max([autocorrelation_time(part) for part in kept], axis=0) if kept else tau
+    if stray.any() and not stray.all():
+        tau = autocorrelation_time(_side_by_side(chain)[:, ~stray.ravel()])
     longest = float(tau.max())
     discard = int(min(np.ceil(2 * longest), steps // 2)) if np.isfinite(longest) else steps // 2
     points = _draws(chain, log_prob, stray, tau, discard).points
@@ -84,10 +86,11 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
 
     share = float(stray.mean())
     usable, wanted = steps - discard, settings.tau_multiple * longest
-    change = abs(longest - run.tau) / longest if np.isfinite(longest) else np.inf
+    change = float(np.max(np.abs(tau - run.tau) / tau)) if np.isfinite(longest) else np.inf
     requirements = [
+        (len(chain) >= LEAST_ENSEMBLES, f"{len(chain)} ensembles are fewer than {LEAST_ENSEMBLES}"),
         (usable > wanted, f"{usable} steps are fewer than {settings.tau_multiple:g} tau = {wanted:.0f}"),
-        (change <= settings.tau_change, f"tau still changes (from {run.tau:.3g} to {longest:.3g} steps)"),
+        (change <= settings.tau_change, f"tau still changes, by {100 * change:.1f} % between checks"),
         (bool(np.all(mixing <= settings.max_r_hat)), f"R-hat is {np.max(mixing):.4f}, above {settings.max_r_hat:g}"),
         (bool(np.all(ess >= settings.min_ess)), f"ESS is {np.min(ess):.0f}, below {settings.min_ess:g}"),
         (
@@ -108,14 +111,20 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
         left=left,
         converged=not reasons,
         reasons=reasons,
-        burn_in=run.rounds * settings.round_steps,
+        burn_in=run.burned,
         evaluations=run.evaluations,
     )
+
+
+def _side_by_side(chain: Array) -> Array:
+    """Shape (ensemble, step, walker, d) to (step, any walker, d)."""
+    ensembles, steps, walkers, dimension = chain.shape
+    return chain.transpose(1, 0, 2, 3).reshape(steps, ensembles * walkers, dimension)
 
 
 def _draws(chain: Array, log_prob: Array, stray: NDArray[np.bool_], tau: Array, discard: int) -> Draws:
     longest = float(tau.max())
     steps = max(chain.shape[1] - discard, 1)
-    every = int(np.ceil(min(longest, steps)))  # at least one draw per walker, even of a chain too short for its tau
+    every = int(np.ceil(min(2 * longest, steps)))  # at least one draw per walker, even of a chain too short for its tau
     home = np.where(stray.all(axis=1, keepdims=True), True, ~stray)
     return thin(chain, log_prob, home, every, discard)

@@ -7,7 +7,7 @@ longer than sampling a mode.
 from __future__ import annotations
 
 import numpy as np
-from emcee.autocorr import integrated_time
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
 from scipy.stats import rankdata
 
@@ -15,26 +15,35 @@ from mofit.parameters import Array
 
 
 def autocorrelation_time(chain: Array) -> Array:
-    r"""Integrated autocorrelation time of one ensemble, in steps, per parameter.
+    r"""Integrated autocorrelation time, in steps, per parameter.
 
     .. math:: \tau = 1 + 2 \sum_{k=1}^{M} \rho(k), \quad M = \min\{m : m \ge 5 \tau(m)\}
 
-    with rho averaged over the walkers (Sokal's window, by `emcee.autocorr`), never below 1.
+    with rho of the deviations from the common mean, averaged over all walkers (Sokal's window), never below 1. Walkers
+    that keep to different places thus lengthen it.
 
     Parameters
     ----------
     chain
-        Shape (step, walker, d).
+        Shape (step, walker, d), walkers of all ensembles side by side.
 
     Returns
     -------
-    Shape (d,); ``inf`` where it cannot be estimated (a walker never moved, or fewer than 8 steps).
+    Shape (d,); ``inf`` where it cannot be estimated (a parameter never moved, or fewer than 8 steps).
     """
-    if len(chain) < 8:
-        return np.full(chain.shape[2], np.inf)
+    steps, walkers, dimension = chain.shape
+    if steps < 8 or walkers == 0:
+        return np.full(dimension, np.inf)
+    centred = np.ascontiguousarray((chain - chain.mean(axis=(0, 1))).transpose(2, 1, 0))
+    length = next_fast_len(2 * steps, real=True)
+    power = np.abs(rfft(centred, n=length)) ** 2
+    covariance = irfft(power.sum(axis=1), n=length)[:, :steps]
     with np.errstate(invalid="ignore", divide="ignore"):
-        tau = integrated_time(chain, c=5, tol=0, quiet=True)
-    return np.where(np.isfinite(tau), np.maximum(tau, 1.0), np.inf)
+        grown = 2 * np.cumsum(covariance / covariance[:, :1], axis=1) - 1
+    enough = np.arange(steps) >= 5 * grown
+    window = np.where(enough.any(axis=1), enough.argmax(axis=1), steps - 1)
+    tau = grown[np.arange(dimension), window]
+    return np.where(np.isfinite(tau) & (np.ptp(chain, axis=(0, 1)) > 0), np.maximum(tau, 1.0), np.inf)
 
 
 def r_hat(points: Array) -> Array:

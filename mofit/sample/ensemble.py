@@ -1,4 +1,4 @@
-"""One emcee ensemble: state in, steps, state out."""
+"""Ensembles of walkers that take emcee's moves side by side: state in, steps, state out."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from typing import Any
 
 import emcee
 import numpy as np
+from emcee.moves import RedBlueMove
 
 from mofit.errors import InputError
 from mofit.parameters import Array
-from mofit.sample.gaussian import Student
 from mofit.sample.moves import SnookerMove, StudentMove
 from mofit.sample.settings import SampleSettings
+from mofit.sample.student import Students
 
 LogPosterior = Callable[[Array], Array]
 """Points (n, d) in unit coordinates to log posterior (n,); -inf outside the cube or where the simulation failed."""
+GAUSSIAN = 1e6
+"""Degrees of freedom at which a Student-t distribution is normal."""
 RandomState = Any
 """The tuple that `numpy.random.RandomState.get_state` returns; emcee draws from such a generator."""
 
@@ -96,7 +99,7 @@ def start(
         missing = np.flatnonzero(~np.isfinite(log_prob))
         if missing.size == 0:
             return fresh(positions, log_prob, random.get_state()), evaluations
-        near = Student(centre, covariance * 0.5**attempt)
+        near = Students.single(centre, covariance * 0.5**attempt, GAUSSIAN)
         positions[missing] = np.clip(near.draw_inside(random, len(missing)), 0.0, 1.0)
         log_prob[missing] = log_posterior(positions[missing])
         evaluations += len(missing)
@@ -107,10 +110,11 @@ def start(
     )
 
 
-def moves(mean: Array, scale: Array, settings: SampleSettings) -> list[tuple[Any, float]]:
-    """Emcee's weighted list of moves."""
+def moves(proposal: Students, time: float, settings: SampleSettings) -> list[tuple[RedBlueMove, float]]:
+    """Emcee's weighted list of moves; `time` is the proposal's predicted autocorrelation time."""
+    student = settings.student * min(1.0, settings.patience / time)
     mixture = [
-        (StudentMove(mean, scale, settings.freedom), settings.student),
+        (StudentMove(proposal), student),
         (emcee.moves.DEMove(), settings.differential),
         (emcee.moves.StretchMove(), settings.stretch),
         (SnookerMove(), settings.snooker),
@@ -119,20 +123,69 @@ def moves(mean: Array, scale: Array, settings: SampleSettings) -> list[tuple[Any
 
 
 def advance(
-    log_posterior: LogPosterior, ensemble: Ensemble, mixture: Sequence[tuple[Any, float]], steps: int
-) -> Ensemble:
-    """The ensemble after some more steps of emcee, its chain grown by them."""
-    sampler = emcee.EnsembleSampler(
-        *ensemble.positions.shape, log_posterior, moves=mixture, vectorize=True, backend=emcee.backends.Backend()
+    log_posterior: LogPosterior,
+    ensembles: Sequence[Ensemble],
+    mixture: Sequence[tuple[RedBlueMove, float]],
+    steps: int,
+) -> tuple[Ensemble, ...]:
+    """The ensembles after some more steps, their chains grown by them.
+
+    They share the kind of move of each step, and thus the call of the posterior, which is cheaper per point the more
+    points it gets. All else each draws from its own generator: they stay independent.
+    """
+    randoms = [_generator(ensemble.random_state) for ensemble in ensembles]
+    positions = np.stack([ensemble.positions for ensemble in ensembles])
+    log_prob = np.stack([ensemble.log_prob for ensemble in ensembles])
+    accepted = np.stack([ensemble.accepted for ensemble in ensembles])
+    chain, chain_log_prob = np.empty((steps, *positions.shape)), np.empty((steps, *log_prob.shape))
+    shares = np.cumsum([share for _, share in mixture])
+    for move, _ in mixture:
+        move.setup(positions[0])
+    for step in range(steps):
+        chosen = np.searchsorted(shares, shares[-1] * randoms[0].random_sample(), side="right")
+        _step(log_posterior, mixture[chosen][0], positions, log_prob, accepted, randoms)
+        chain[step], chain_log_prob[step] = positions, log_prob
+    return tuple(
+        Ensemble(
+            positions=positions[k],
+            log_prob=log_prob[k],
+            random_state=randoms[k].get_state(),
+            chain=np.concatenate([ensemble.chain, chain[:, k]]),
+            chain_log_prob=np.concatenate([ensemble.chain_log_prob, chain_log_prob[:, k]]),
+            accepted=accepted[k],
+        )
+        for k, ensemble in enumerate(ensembles)
     )
-    sampler.log_prob_fn = log_posterior  # emcee's wrapper prints every exception, an interruption too
-    before = emcee.State(ensemble.positions, log_prob=ensemble.log_prob, random_state=ensemble.random_state, copy=True)
-    after = sampler.run_mcmc(before, steps, skip_initial_state_check=True)
-    return Ensemble(
-        positions=after.coords.copy(),
-        log_prob=after.log_prob.copy(),
-        random_state=after.random_state,
-        chain=np.concatenate([ensemble.chain, sampler.get_chain()]),
-        chain_log_prob=np.concatenate([ensemble.chain_log_prob, sampler.get_log_prob()]),
-        accepted=ensemble.accepted + sampler.backend.accepted,
-    )
+
+
+def _step(
+    log_posterior: LogPosterior,
+    move: RedBlueMove,
+    positions: Array,
+    log_prob: Array,
+    accepted: Array,
+    randoms: Sequence[np.random.RandomState],
+) -> None:
+    """One step in place: each part of every ensemble in turn moves, looking at the rest of its own ensemble."""
+    count, walkers, dimension = positions.shape
+    parts = np.stack([random.permutation(walkers) for random in randoms]) % move.nsplits
+    for part in range(move.nsplits):
+        active = np.nonzero(parts == part)
+        proposals = [
+            move.get_proposal(walker[turn], [walker[~turn]], random)
+            for walker, turn, random in zip(positions, parts == part, randoms, strict=True)
+        ]
+        new = np.concatenate([proposal for proposal, _ in proposals])
+        factor = np.concatenate([log_factor for _, log_factor in proposals])
+        threshold = -np.concatenate([random.standard_exponential(len(new) // count) for random in randoms])
+        values = log_posterior(new.reshape(-1, dimension))
+        taken = factor + values - log_prob[active] > threshold  # -Exp(1) is the log of a uniform draw
+        place = active[0][taken], active[1][taken]
+        positions[place], log_prob[place] = new[taken], values[taken]
+        accepted[place] += 1
+
+
+def _generator(state: RandomState) -> np.random.RandomState:
+    random = np.random.RandomState()
+    random.set_state(state)
+    return random

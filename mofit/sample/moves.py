@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from emcee.moves import MHMove, RedBlueMove
+from emcee.moves import RedBlueMove
 
 from mofit.parameters import Array
-from mofit.sample.gaussian import Student
+from mofit.sample.student import Students
 
 
-class StudentMove(MHMove):
-    r"""Propose a fresh draw from a fixed multivariate Student-t distribution q inside the unit cube.
+class StudentMove(RedBlueMove):
+    r"""Propose a fresh draw from a fixed mixture q of Student-t distributions inside the unit cube.
 
     The draw does not depend on where the walker is, so with a good q the next position is nearly independent of the
     last. The Hastings factor is :math:`q(x) / q(x')`; the constant by which q is cut off at the faces cancels. The
@@ -18,19 +18,18 @@ class StudentMove(MHMove):
 
     Parameters
     ----------
-    mean, scale
-        Centre (d,) and scale matrix (d, d), positive definite.
-    freedom
-        Degrees of freedom nu.
+    proposal
+        The distribution q.
     """
 
-    def __init__(self, mean: Array, scale: Array, freedom: float) -> None:
-        self.proposal = Student(np.asarray(mean, dtype=float), np.asarray(scale, dtype=float), freedom)
-        super().__init__(self._propose, ndim=len(self.proposal.mean))
+    def __init__(self, proposal: Students) -> None:
+        super().__init__(nsplits=1)  # no walker looks at another: all may move at once
+        self.proposal = proposal
 
-    def _propose(self, positions: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        drawn = self.proposal.draw_inside(random, len(positions))
-        return drawn, self.proposal.log_density(positions) - self.proposal.log_density(drawn)
+    def get_proposal(self, s: Array, c: list[Array], random: np.random.RandomState) -> tuple[Array, Array]:
+        """Proposals for the walkers `s`, and their log Hastings factors."""
+        drawn = self.proposal.draw_inside(random, len(s))
+        return drawn, self.proposal.log_density(s) - self.proposal.log_density(drawn)
 
 
 class SnookerMove(RedBlueMove):
@@ -58,6 +57,7 @@ class SnookerMove(RedBlueMove):
         z, a, b = (others[pick] for pick in np.argsort(keys, axis=1)[:, :3].T)
         gap = s - z
         distance = np.linalg.norm(gap, axis=1)
+        distance[distance == 0] = np.nan  # in the same place: no line, no move
         along = gap / distance[:, None]
         new = s + self.gamma * along * np.sum(along * (a - b), axis=1)[:, None]
         ratio = np.linalg.norm(new - z, axis=1) / distance

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from mofit.parameters import Array
 from mofit.sample.ensemble import Ensemble, LogPosterior, advance, fresh, moves, start
+from mofit.sample.proposal import FREEDOMS, best_proposal
 from mofit.sample.settings import SampleSettings
 from mofit.sample.strays import outliers
+from mofit.sample.student import Students
 
 
 @dataclass(frozen=True)
@@ -20,11 +22,13 @@ class Run:
     Parameters
     ----------
     ensembles
-        The ensembles; during burn-in, their chains hold the last round only.
-    mean, scale
-        Of the Student-t proposal, shapes (d,) and (d, d).
-    rounds
-        Rounds of burn-in done.
+        The ensembles; at the end of burn-in, their chains are emptied.
+    proposal
+        The independence proposal.
+    time
+        The autocorrelation time that it is predicted to leave; 1 for the Laplace approximation, which has a try.
+    rounds, burned
+        Rounds of burn-in done, and their steps.
     level
         Mean log posterior over the last round.
     settled
@@ -32,19 +36,20 @@ class Run:
     producing
         The chains are production chains; the proposal is frozen.
     tau
-        Largest autocorrelation time at the last check; nan before the first.
+        Autocorrelation times at the last check, shape (d,); infinite before the first.
     evaluations
         Log posteriors computed so far.
     """
 
     ensembles: tuple[Ensemble, ...]
-    mean: Array
-    scale: Array
+    proposal: Students
+    tau: Array
+    time: float = 1.0
     rounds: int = 0
+    burned: int = 0
     level: float = -np.inf
     settled: bool = False
     producing: bool = False
-    tau: float = np.nan
     evaluations: int = 0
 
     @property
@@ -66,45 +71,36 @@ def begin(
         start(log_posterior, centre, covariance, walkers, own_seed) for own_seed in seed.spawn(settings.ensembles)
     ]
     return Run(
-        tuple(ensemble for ensemble, _ in started), centre, covariance, evaluations=sum(count for _, count in started)
+        ensembles=tuple(ensemble for ensemble, _ in started),
+        proposal=Students.single(centre, covariance, FREEDOMS[0]),
+        tau=np.full(len(centre), np.inf),
+        evaluations=sum(count for _, count in started),
     )
 
 
 def burn_in(log_posterior: LogPosterior, run: Run, settings: SampleSettings) -> Run:
-    """One round of burn-in: step, then fit the proposal to where all walkers are.
+    """One round of burn-in: step, then fit the proposal to where all walkers were in the later half of all rounds.
 
     Settled when the mean log posterior of two successive rounds differs by less than four of its standard errors
-    (walkers counted as independent, steps not), or after `max_rounds`.
+    (walkers counted as independent, steps not) and the burn-in has lasted ten predicted autocorrelation times, or after
+    `max_rounds`. Rounds grow with the burn-in.
     """
-    emptied = replace(run, ensembles=tuple(_emptied(ensemble) for ensemble in run.ensembles))
-    moved = _advanced(log_posterior, emptied, settings, settings.round_steps)
-    half = settings.round_steps // 2
-    points = np.concatenate([ensemble.chain[half:] for ensemble in moved.ensembles], axis=1)
-    values = np.concatenate([ensemble.chain_log_prob[half:] for ensemble in moved.ensembles], axis=1)
+    steps = max(settings.round_steps, run.burned // 3)
+    moved = _advanced(log_posterior, run, settings, steps)
+    points = np.concatenate([ensemble.chain for ensemble in moved.ensembles], axis=1)
+    values = np.concatenate([ensemble.chain_log_prob for ensemble in moved.ensembles], axis=1)
     crowd = ~outliers(points[-1], values[-1])
-    mean, scale = fitted(points[:, crowd], run.scale)
-
-    level = float(values[:, crowd].mean())
-    error = float(values[:, crowd].std()) / np.sqrt(crowd.sum())
-    rounds = run.rounds + 1
-    steady = rounds >= settings.min_rounds and abs(level - run.level) <= 4 * error
-    return replace(
-        moved, mean=mean, scale=scale, rounds=rounds, level=level, settled=steady or rounds >= settings.max_rounds
+    level = float(values[-steps // 2 :, crowd].mean())
+    error = float(values[-steps // 2 :, crowd].std()) / np.sqrt(crowd.sum())
+    every = 1 + len(points) * crowd.sum() // (2 * settings.fitted_draws)
+    later = slice(len(points) // 2, None, every)
+    proposal, time = best_proposal(
+        points[later, crowd].reshape(-1, points.shape[2]), values[later, crowd].ravel(), run.proposal
     )
-
-
-def fitted(points: Array, former: Array) -> tuple[Array, Array]:
-    r"""Mean and scale matrix of the proposal from walkers, shape (step, walker, d).
-
-    .. math:: S = (n C + d S_0) / (n + d)
-
-    with C the covariance of the points, n the number of walkers (their steps are correlated) and :math:`S_0` the former
-    scale matrix, which keeps S positive definite.
-    """
-    _, count, dimension = points.shape
-    flat = points.reshape(-1, dimension)
-    covariance = np.cov(flat, rowvar=False).reshape(dimension, dimension)
-    return flat.mean(axis=0), (count * covariance + dimension * former) / (count + dimension)
+    rounds, burned = run.rounds + 1, run.burned + steps
+    steady = rounds >= settings.min_rounds and abs(level - run.level) <= 4 * error and burned >= 10 * time
+    settled = steady or rounds >= settings.max_rounds
+    return replace(moved, proposal=proposal, time=time, rounds=rounds, burned=burned, level=level, settled=settled)
 
 
 def produce(run: Run) -> Run:
@@ -116,7 +112,7 @@ def produce(run: Run) -> Run:
     return replace(run, producing=True, ensembles=gathered)
 
 
-def extend(log_posterior: LogPosterior, run: Run, settings: SampleSettings, steps: int, tau: float) -> Run:
+def extend(log_posterior: LogPosterior, run: Run, settings: SampleSettings, steps: int, tau: Array) -> Run:
     """More production steps; `tau` is kept to see how it changes."""
     return replace(_advanced(log_posterior, run, settings, steps), tau=tau)
 
@@ -126,19 +122,18 @@ def _emptied(ensemble: Ensemble) -> Ensemble:
 
 
 def _advanced(log_posterior: LogPosterior, run: Run, settings: SampleSettings, steps: int) -> Run:
-    mixture = moves(run.mean, run.scale, settings)
-    ensembles = tuple(advance(log_posterior, ensemble, mixture, steps) for ensemble in run.ensembles)
+    ensembles = advance(log_posterior, run.ensembles, moves(run.proposal, run.time, settings), steps)
     evaluations = steps * sum(len(ensemble.positions) for ensemble in ensembles)
     return replace(run, ensembles=ensembles, evaluations=run.evaluations + evaluations)
 
 
 def _gathered(ensemble: Ensemble, lost: NDArray[np.bool_]) -> Ensemble:
-    """The ensemble with an empty chain, its lost walkers on places where others of its last round have been."""
+    """The ensemble with an empty chain, its lost walkers on places where others of its later burn-in have been."""
     if not lost.any() or lost.all():
         return _emptied(ensemble)
     random = np.random.RandomState()
     random.set_state(ensemble.random_state)
-    step = random.randint(len(ensemble.chain), size=lost.sum())
+    step = random.randint(len(ensemble.chain) // 2, len(ensemble.chain), size=lost.sum())
     walker = random.choice(np.flatnonzero(~lost), size=lost.sum())
     positions, log_prob = ensemble.positions.copy(), ensemble.log_prob.copy()
     positions[lost] = ensemble.chain[step, walker]

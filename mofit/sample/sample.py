@@ -85,7 +85,7 @@ def sample_mode(
         if chains.converged or run.steps >= settings.max_steps:
             return chains
         steps = _next_chunk(chains, settings)
-        run = _kept(extend(target, run, settings, steps, float(chains.tau.max())), store)
+        run = _kept(extend(target, run, settings, steps, chains.tau), store)
 
 
 def _store(
@@ -100,7 +100,7 @@ def _next_chunk(chains: Chains, settings: SampleSettings) -> int:
     """Steps to where the chain should be long enough by the present tau; at most as many again as there are."""
     tau = float(chains.tau.max())
     lacking = np.ceil((settings.tau_multiple + 2) * tau) - chains.steps if np.isfinite(tau) else chains.steps
-    least, most = max(settings.chunk, chains.steps // 10), max(2 * settings.chunk, chains.steps)
+    least, most = max(settings.chunk, chains.steps // 20), max(2 * settings.chunk, chains.steps)
     return int(min(max(least, min(lacking, most)), settings.max_steps - chains.steps))
 
 

@@ -15,6 +15,7 @@ from mofit.errors import InputError
 from mofit.parameters import Array
 from mofit.sample.ensemble import Ensemble
 from mofit.sample.run import Run
+from mofit.sample.student import Students
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,9 @@ class Store:
     def _write(self, group: h5py.Group, run: Run) -> None:
         group.attrs["origin"] = self.origin
         group.attrs["centre"] = self.centre
-        group.attrs["mean"] = run.mean
-        group.attrs["scale"] = run.scale
-        for name in ("rounds", "level", "settled", "producing", "tau", "evaluations"):
+        for name in ("weights", "means", "scales", "freedom"):
+            group[f"proposal/{name}"] = getattr(run.proposal, name)
+        for name in ("time", "rounds", "burned", "level", "settled", "producing", "tau", "evaluations"):
             group.attrs[name] = getattr(run, name)
         for number, ensemble in enumerate(run.ensembles):
             _write_ensemble(group.create_group(f"ensemble{number}"), ensemble)
@@ -124,13 +125,19 @@ def _read(group: h5py.Group) -> Run:
     attributes = group.attrs
     return Run(
         ensembles=tuple(_read_ensemble(group[name]) for name in names),
-        mean=np.asarray(attributes["mean"]),
-        scale=np.asarray(attributes["scale"]),
+        proposal=Students(
+            weights=group["proposal/weights"][...],
+            means=group["proposal/means"][...],
+            scales=group["proposal/scales"][...],
+            freedom=float(group["proposal/freedom"][()]),
+        ),
+        time=float(attributes["time"]),
+        tau=np.asarray(attributes["tau"]),
         rounds=int(attributes["rounds"]),
+        burned=int(attributes["burned"]),
         level=float(attributes["level"]),
         settled=bool(attributes["settled"]),
         producing=bool(attributes["producing"]),
-        tau=float(attributes["tau"]),
         evaluations=int(attributes["evaluations"]),
     )
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mofit.sample.gaussian import Student, laplace_covariance
+from mofit.sample.gaussian import laplace_covariance
 from mofit.sample.moves import SnookerMove, StudentMove
+from mofit.sample.student import Students
 
 COVARIANCE = 0.01 * np.array([[1.0, 0.7, 0.0], [0.7, 1.5, -0.4], [0.0, -0.4, 0.8]])
 
@@ -32,8 +33,14 @@ def exact_draws(target, rng, n):
     return np.column_stack([x0, x1, x2])
 
 
+MISFIT = Students(  # fits neither target
+    np.array([0.7, 0.3]),
+    np.array([[0.35, 0.45, 0.55], [0.7, 0.6, 0.4]]),
+    np.array([np.diag([0.15, 0.13, 0.15]) ** 2, 0.04 * np.eye(3)]),
+    5.0,
+)
 MOVES = {
-    "student": lambda: StudentMove(np.array([0.35, 0.45, 0.55]), np.diag([0.15, 0.13, 0.15]) ** 2, 5.0),  # fits neither
+    "student": lambda: StudentMove(MISFIT),
     "snooker": SnookerMove,
 }
 
@@ -64,14 +71,25 @@ def test_a_move_leaves_its_target_invariant(move, target):
 
 def test_student_density_is_scipys():
     x = np.random.default_rng(0).normal(0.5, 0.3, (50, 3))
-    own = Student(np.full(3, 0.5), COVARIANCE, 5.0).log_density(x)
+    parts = [stats.multivariate_t(m, s, 5.0).pdf(x) for m, s in zip(MISFIT.means, MISFIT.scales, strict=True)]
+    np.testing.assert_allclose(MISFIT.log_density(x), np.log(MISFIT.weights @ parts), rtol=1e-12)
+    own = Students.single(np.full(3, 0.5), COVARIANCE, 5.0).log_density(x)
     np.testing.assert_allclose(own, stats.multivariate_t(np.full(3, 0.5), COVARIANCE, 5.0).logpdf(x), rtol=1e-12)
+
+
+def test_draws_of_a_mixture_have_its_moments():
+    draws = MISFIT.draw(np.random.RandomState(np.random.MT19937(4)), 100_000)
+    mean = MISFIT.weights @ MISFIT.means
+    gaps = MISFIT.means - mean
+    covariance = np.tensordot(MISFIT.weights, 5 / 3 * MISFIT.scales + gaps[:, :, None] * gaps[:, None], 1)
+    np.testing.assert_allclose(draws.mean(axis=0), mean, atol=0.005)
+    np.testing.assert_allclose(np.cov(draws, rowvar=False), covariance, atol=0.003)
 
 
 def test_draws_inside_follow_the_distribution_cut_off_at_the_faces():
     random = np.random.RandomState(np.random.MT19937(3))
     mean, sd = np.array([0.0, 0.9]), np.array([0.3, 0.2])
-    draws = Student(mean, np.diag(sd**2)).draw_inside(random, 20_000)
+    draws = Students.single(mean, np.diag(sd**2), 1e6).draw_inside(random, 20_000)
     assert np.all((draws >= 0) & (draws <= 1))
     for k, (low, high) in enumerate([(0, 1 / 0.3), (-4.5, 0.5)]):
         exact = stats.truncnorm(low, high, mean[k], sd[k])

@@ -41,7 +41,7 @@ def stopping_after(calls):
 CASE = {"centre": np.full(3, 0.5), "covariance": np.diag(SCALE**2), "seed": [3, 1]}
 
 
-@pytest.mark.parametrize("calls", [30, 100, 200, 400])
+@pytest.mark.parametrize("calls", [10, 30, 100, 200])
 def test_interrupted_and_continued_equals_uninterrupted(tmp_path, calls):
     whole = sample_mode(target, **CASE)
     path = tmp_path / "chains.h5"
@@ -56,6 +56,22 @@ def test_interrupted_and_continued_equals_uninterrupted(tmp_path, calls):
     np.testing.assert_array_equal(whole.chain, again.chain)
 
 
+def test_a_copy_of_the_file_from_any_step_is_continued_to_the_same_draws(tmp_path):
+    path, copies = tmp_path / "chains.h5", []
+
+    def copying(done, total, note):
+        copies.append(tmp_path / f"copy{len(copies)}.h5")
+        copies[-1].write_bytes(path.read_bytes())
+
+    whole = sample_mode(target, **CASE, backend_path=path, progress=copying)
+    assert _steps(copies[1]) == 0  # burn-in
+    assert 0 < _steps(copies[-2]) < whole.steps
+    for copy in (copies[1], copies[len(copies) // 2], copies[-2]):
+        continued = sample_mode(target, **CASE, backend_path=copy)
+        np.testing.assert_array_equal(whole.thinned().points, continued.thinned().points)
+        np.testing.assert_array_equal(whole.tau, continued.tau)
+
+
 def test_emcee_opens_every_ensemble_and_other_modes_are_kept(tmp_path):
     path = tmp_path / "chains.h5"
     few = SampleSettings(max_steps=50)
@@ -66,7 +82,7 @@ def test_emcee_opens_every_ensemble_and_other_modes_are_kept(tmp_path):
             backend = emcee.backends.HDFBackend(str(path), name=f"{mode}/ensemble{number}", read_only=True)
             np.testing.assert_array_equal(backend.get_chain(), first.chain[number])
             np.testing.assert_array_equal(backend.get_log_prob(), first.log_prob[number])
-            assert backend.shape == (32, 3)
+            assert backend.shape == (24, 3)
             assert backend.random_state[0] == "MT19937"
     assert [p.name for p in tmp_path.iterdir()] == ["chains.h5"]
 
