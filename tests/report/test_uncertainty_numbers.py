@@ -119,9 +119,9 @@ def test_a_flat_direction_is_named_in_physical_terms(run) -> None:
     (pair,) = strong_pairs(run, cluster)
     assert (pair.first, pair.second) == ("c", "v_0")
     assert pair.correlation < -0.99
-    text = words([pair], [first, *others])
-    assert text[0].startswith("<b>Flat:</b>")
-    assert "trade against each other (correlation −1.0" in text[1]
+    (text,) = words([first, *others])
+    assert text.startswith("<b>Flat:</b>")
+    assert "trade against each other (correlation −1.0" in pair.text
 
 
 def test_a_narrow_posterior_has_no_flat_direction(run) -> None:
@@ -129,7 +129,7 @@ def test_a_narrow_posterior_has_no_flat_direction(run) -> None:
     cluster = with_draws(run, unit)
     found = principal_directions(run, cluster)
     np.testing.assert_allclose([d.spread for d in found], 0.01 * np.sqrt(12), rtol=0.05)
-    assert "No direction is flat" in words([], found)[0]
+    assert "No direction is flat" in words(found)[0]
 
 
 def test_the_ratio_of_a_pair_is_the_slope_of_its_ridge(run) -> None:

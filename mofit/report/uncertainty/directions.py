@@ -8,12 +8,15 @@ import numpy as np
 from markupsafe import Markup
 
 from mofit.report.display import THIN, badge, listed, number, symbol
-from mofit.report.page import Block, Section, Table, Text, tabs
+from mofit.report.page import Block, Raw, Section, Table, Text, tabs
 from mofit.report.posterior import FLAT, STRONG, correlation
 from mofit.report.run import Array, Cluster, Run, tab_title
 
 _MAIN = 0.3
 """Share of the largest weight from which a parameter counts as part of a direction."""
+
+_LISTED = 8
+"""Most pairs that are told in words; the corner plot shows all."""
 
 PRIOR_SD = 1 / np.sqrt(12)
 """Standard deviation of the uniform prior on the unit box."""
@@ -147,7 +150,7 @@ def directions_section(run: Run) -> Section | None:
         if cluster.draws is None:
             continue
         pairs, found = strong_pairs(run, cluster), principal_directions(run, cluster)
-        panes[tab_title(cluster)] = [*(Text(text) for text in words(pairs, found)), _table(found)]
+        panes[tab_title(cluster)] = [*(Text(text) for text in words(found)), _pairs(pairs), _table(found)]
         data[cluster.name] = {
             "parameters": cluster.parameters,
             "correlation": correlation(run, cluster),
@@ -159,19 +162,23 @@ def directions_section(run: Run) -> Section | None:
     return Section("directions", "Correlations and flat directions", tabs(panes), {"clusters": data})
 
 
-def words(pairs: list[Pair], directions: list[Direction]) -> list[Markup]:
-    """Flat directions first, then the pairs."""
+def words(directions: list[Direction]) -> list[Markup]:
+    """The flat directions, or that there is none."""
     texts = [_flat_words(direction) for direction in directions if direction.flat]
-    if not texts:
-        widest = directions[0]
-        texts = [
-            Markup("No direction is flat: the widest ({}) is {} as wide as the prior.").format(
-                listed([change.text for change in widest.changes]), _share(widest.spread)
-            )
-        ]
-    if pairs:
-        return [*texts, Markup(" ").join(pair.text for pair in pairs)]
-    return [*texts, Markup("No two parameters are correlated by more than {}.").format(STRONG)]
+    if texts:
+        return texts
+    widest = directions[0]
+    text = Markup("No direction is flat: the widest ({}) is {} as wide as the prior.")
+    return [text.format(listed([change.text for change in widest.changes]), _share(widest.spread))]
+
+
+def _pairs(pairs: list[Pair]) -> Block:
+    if not pairs:
+        return Text(f"No two parameters are correlated by more than {STRONG}.")
+    items = Markup("").join(Markup("<li>{}</li>").format(pair.text) for pair in pairs[:_LISTED])
+    more = f" The {_LISTED} strongest of {len(pairs)}:" if len(pairs) > _LISTED else ""
+    head = Markup("<p>Correlated by more than {}, so that the data know a combination better than either:{}</p>")
+    return Raw(head.format(STRONG, more) + Markup("<ul>{}</ul>").format(items))
 
 
 def _flat_words(direction: Direction) -> Markup:

@@ -207,7 +207,12 @@ def _figure(marginals: list[Marginal], cluster: Cluster) -> Figure:
         line_key(MEASURED, "refined minimum", lw=0.9),
         line_key(MEASURED, "prior", lw=1.0, ls=":"),
     ]
+    caption = (
+        "Marginal posterior of each parameter, scaled to peak 1; the prior on the same scale (it lies at the bottom "
+        "where the data have taught much). Parameters searched by their logarithm have a logarithmic axis."
+    )
     if any(marginal.profile_value.size for marginal in marginals):
+        caption += " The profile is the best fit that is left with the parameter held there and all others free."
         handles.append(line_key(FLOOR, "profile likelihood", marker="o", ms=3.2))
     if any(marginal.earlier[1] > 0 for marginal in marginals):
         handles.append(line_key(MEASURED, "calibration stage alone", lw=1.0, ls="--"))
@@ -215,12 +220,10 @@ def _figure(marginals: list[Marginal], cluster: Cluster) -> Figure:
     return Figure(
         image_of(canvas),
         f"Marginal posterior of each parameter of solution {cluster.name}, with prior and profile likelihood",
-        "Marginal posterior of each parameter, scaled to peak 1; the prior on the same scale (it lies at the bottom "
-        "where the data have taught much). The profile is the best fit that is left if the parameter is held off its "
-        "value and all others may answer. Parameters searched by their logarithm have a logarithmic axis.",
-        good="a narrow hump around the minimum, with the profile along its outline.",
-        bad="a hump no higher than the prior, one cut off at an end, or a profile that runs beside it: then the "
-        "posterior is skewed by the other parameters, and mean and minimum differ.",
+        caption,
+        good="a narrow hump around the minimum; a profile runs along its outline.",
+        bad="a hump no higher than the prior, one cut off at an end, or one beside the minimum or the profile: then "
+        "the posterior is skewed, or priors pull.",
     )
 
 

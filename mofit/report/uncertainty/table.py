@@ -163,7 +163,7 @@ def _table(lines: list[Line], cluster: Cluster) -> Table:
                 f"{with_sd(e.q05, e.sd)} … {with_sd(e.q95, e.sd)}" if sampled else "–",
                 *([number(line.noise_sd, 2)] if split else []),
                 "" if e.unit == "1" else e.unit,
-                "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.1f}{THIN}%",
+                "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.1f}{THIN}%".replace("-", "−"),
                 badge(e.verdict or "not sampled", e.grade),
                 Markup('<span class="words">{}</span>').format(line.sentence),
             ]
