@@ -47,6 +47,7 @@ def score(problem: Problem | JointProblem, point: Array) -> Score:
         gap=weights[:, None, None] ** 2 * np.array(gap),
         freedom=np.array(freedom),
         gap_freedom=gap_freedom,
+        gap_squares=excess,
     )
 
 
@@ -65,12 +66,16 @@ def _records(problem: Problem, test: int, output: Array, slopes: Array) -> tuple
 
 
 def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, float], float]:
-    """Power on the fundamental and on the harmonics beyond the noise, and the degrees of freedom behind the former.
+    """Squared amplitude on the fundamental and on the harmonics beyond the noise, and the degrees of freedom behind it.
 
-    The fit has taken up to one degree of freedom per parameter out of the two that each fundamental has.
+    Relative to the range of the output, as all residuals are, and so the same for all tests. The fit has taken up to
+    one degree of freedom per parameter out of the two that each fundamental has.
     """
     lined = [process for process in processes if len(process.lines)]
-    pairs = [np.stack([p.repeated, p.spectrum[p.lines], p.freedom[p.lines]], axis=1) for p in lined]
+    pairs = [
+        np.stack([4 / p.count * p.repeated, 4 / p.count * p.spectrum[p.lines], p.freedom[p.lines]], axis=1)
+        for p in lined
+    ]
     first = np.array([pair[0] for pair in pairs]).reshape(-1, 3)
     higher = np.concatenate([pair[1:] for pair in pairs] or [np.empty((0, 3))])
     freedom = float(max(2 * len(first) - parameters, 0))
@@ -78,7 +83,7 @@ def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, f
 
 
 def _excess(lines: Array, freedom: float) -> float:
-    """Power per line beyond the noise, from power, noise and the degrees of freedom of the latter; 0 if by chance."""
+    """What a line has beyond the noise, from what it has, the noise and its degrees of freedom; 0 if by chance."""
     if freedom <= 0:
         return 0.0
     power, noise, known = lines.T
@@ -90,5 +95,5 @@ def _excess(lines: Array, freedom: float) -> float:
 def _on_lines(process: NoiseProcess, excess: tuple[float, float]) -> Array:
     """The spectrum of the gap on the bins of a record."""
     spectrum = np.zeros_like(process.spectrum)
-    spectrum[process.lines[:1]], spectrum[process.lines[1:]] = excess
+    spectrum[process.lines[:1]], spectrum[process.lines[1:]] = process.count / 4 * np.array(excess)
     return spectrum

@@ -46,6 +46,8 @@ class Score:
         Degrees of freedom behind the noise of each test, (T,).
     gap_freedom
         Those behind the gap.
+    gap_squares
+        Mean squared amplitude of the gap on the fundamentals and on the harmonics, relative to the output's range.
     """
 
     slope: Array
@@ -54,6 +56,7 @@ class Score:
     gap: Array
     freedom: Array
     gap_freedom: float
+    gap_squares: tuple[float, float] = (0.0, 0.0)
 
     def spread(self, index: Array, stretch: Array, dimension: int) -> Score:
         """The same in a larger space: own coordinates at ``index``, d(own) / d(larger) = ``stretch``."""
@@ -65,7 +68,7 @@ class Score:
 
         return Score(
             self.slope @ place, matrices(self.normal), matrices(self.noise), matrices(self.gap),
-            self.freedom, self.gap_freedom,
+            self.freedom, self.gap_freedom, self.gap_squares,
         )  # fmt: skip
 
 
@@ -82,6 +85,7 @@ def join_scores(scores: list[Score]) -> Score:
         gap=together("gap"),
         freedom=together("freedom"),
         gap_freedom=scores[0].gap_freedom,
+        gap_squares=scores[0].gap_squares,
     )
 
 

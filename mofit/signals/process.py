@@ -12,8 +12,11 @@ from mofit.signals.waveform import periodic_fit
 
 Array = NDArray[np.float64]
 
-#: Half the bins that a spectral estimate averages over: at least so many, and this share of the frequency.
+#: Half the bins that a spectral estimate averages over, to begin with: so many, and this share of the frequency.
 _FEWEST, _SHARE = 6, 0.25
+#: Means of two windows agree within so many standard errors of the smaller one. Little: a window too wide costs
+#: calibration where the noise is coloured, one too narrow only degrees of freedom.
+_AGREES = 0.6
 #: Harmonics that are looked at for what repeats.
 _HARMONICS = 10
 
@@ -41,6 +44,11 @@ class NoiseProcess:
     freedom: Array
     lines: NDArray[np.int64]
     repeated: Array
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return len(self.level)
 
     def information(self, slopes: Array, extra: Array | None = None) -> Array:
         r"""Covariance of the score, :math:`J = S^T \Sigma S`, shape (d, d), of sensitivities S (n, d).
@@ -122,12 +130,27 @@ def _level(noise: Array, signal: Array) -> Array:
 
 
 def _smoothed(power: Array, known: NDArray[np.bool_], periods: int) -> tuple[Array, Array]:
-    """Mean of the known bins around every bin, and its degrees of freedom."""
+    """Mean of the known bins around every bin, and its degrees of freedom.
+
+    As many bins as show the same level: the window is doubled as long as its mean agrees with those of all smaller ones
+    (Lepski's method). A white spectrum is averaged whole.
+    """
     index = np.arange(len(power))
-    half = np.maximum(max(_FEWEST, periods), (_SHARE * index).astype(int))
-    low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(power))
     sums = np.concatenate([[0.0], np.cumsum(np.where(known, power, 0.0))])
     counts = np.concatenate([[0], np.cumsum(known)])
-    number = np.maximum(counts[high] - counts[low], 1)
-    floor = np.finfo(float).tiny
-    return np.maximum((sums[high] - sums[low]) / number, floor), 2.0 * number
+    half = np.maximum(max(_FEWEST, periods), (_SHARE * index).astype(int))
+    low_end, high_end = np.zeros(len(power)), np.full(len(power), np.inf)
+    spectrum, freedom = np.zeros(len(power)), np.zeros(len(power))
+    growing = np.ones(len(power), dtype=bool)
+    while growing.any():
+        low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(power))
+        number = np.maximum(counts[high] - counts[low], 1)
+        mean = (sums[high] - sums[low]) / number
+        growing &= (mean >= low_end) & (mean <= high_end)
+        spectrum[growing], freedom[growing] = mean[growing], 2.0 * number[growing]
+        scatter = _AGREES / np.sqrt(number)
+        low_end, high_end = np.maximum(low_end, mean * (1 - scatter)), np.minimum(high_end, mean * (1 + scatter))
+        if np.all(half >= len(power)):
+            break
+        half = 2 * half
+    return np.maximum(spectrum, np.finfo(float).tiny), np.maximum(freedom, 2.0)
