@@ -230,9 +230,17 @@ def _sample(
             mode=f"c{number}",
             progress=partial(_relay, progress, f"sample mode {number} of {len(spreads)}"),
         )
-        own = replace(minimum, hessian=wide.hessian)
-        index = number - 1
-        sampled.append(Mode(f"c{number}", own, narrow.hessian, float(evidence[index]), float(weights[index]), chains))
+        sampled.append(
+            Mode(
+                name=f"c{number}",
+                minimum=replace(minimum, hessian=wide.hessian),
+                noise_hessian=narrow.hessian,
+                gap_squares=wide.gap_squares,
+                log_evidence=float(evidence[number - 1]),
+                weight=float(weights[number - 1]),
+                chains=chains,
+            )
+        )
     return tuple(sampled)
 
 

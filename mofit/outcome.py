@@ -31,6 +31,8 @@ class Mode:
         With the Hessian that noise and gap ask for.
     noise_hessian
         What it would be for noise alone.
+    gap_squares
+        Mean squared amplitude of the gap on fundamentals and on harmonics, relative to the output's range.
     log_evidence, chains
         Laplace's, and the samples.
     """
@@ -38,6 +40,7 @@ class Mode:
     name: str
     minimum: Minimum
     noise_hessian: Array
+    gap_squares: tuple[float, float]
     log_evidence: float
     weight: float
     chains: Chains

@@ -29,12 +29,15 @@ class SpreadProblem:
         Negative log likelihood of the problem itself there, so that modes compare.
     squares
         Weighted squares there.
+    gap_squares
+        See `mofit.objectives.Score`.
     """
 
     problem: Problem | JointProblem
     adjustment: Adjustment
     offset: float
     squares: float
+    gap_squares: tuple[float, float]
 
     def log_posterior(self, u: Array) -> Array:
         """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
@@ -56,6 +59,7 @@ class SpreadProblem:
 
 def spread_problem(problem: Problem | JointProblem, point: Array, with_gap: bool = True) -> SpreadProblem:
     """The problem around a minimum (d,), with noise alone or with noise and gap."""
-    adjustment = adjust(score(problem, point), point, with_gap)
+    found = score(problem, point)
+    adjustment = adjust(found, point, with_gap)
     offset = -float(problem.log_posterior(point[None])[0]) - float(problem.prior_value(point[None])[0])
-    return SpreadProblem(problem, adjustment, offset, float(problem.squares(point[None])[0]))
+    return SpreadProblem(problem, adjustment, offset, float(problem.squares(point[None])[0]), found.gap_squares)

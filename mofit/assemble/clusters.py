@@ -94,6 +94,8 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
             "log_evidence": mode.log_evidence,
             "weight": mode.weight,
             "log_posterior": -minimum.value,
+            "gap_fundamental": float(np.sqrt(mode.gap_squares[0])),
+            "gap_harmonics": float(np.sqrt(mode.gap_squares[1])),
             "converged": int(chains.converged),
             "evaluations": int(chains.evaluations),
         },

@@ -1,0 +1,149 @@
+"""Do predictions hold at frequencies that were not measured? Writes reports/held_out/README.md.
+
+    python scripts/held_out.py [--campaigns 6] [--jobs 2] [--work FOLDER]
+
+The bundled campaign hides a relaxation spectrum from the Maxwell model. Each sine test is left out in turn, the model is
+identified on the others, and the amplitude and phase of the force at the left-out frequency are predicted: with 90 %
+intervals from the parameters' spread alone if the model were right (plain), and from their spread with the gap of the
+model and the gap itself on the predicted line (gap-aware). Campaigns differ in the seed of their noise. Rows that the
+work folder holds already are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.campaign import Campaign
+from mofit.identify import sampled_modes
+from mofit.library import find_model
+from mofit.problem import build_problem
+from mofit.settings import Settings
+from mofit.simulate import run_plan
+from mofit.simulate.plan import read_plan
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).resolve().parents[1]
+MODEL, PLAN = "maxwell_tyre", ROOT / "data" / "plans" / "paper.toml"
+DRAWS = 400
+
+
+def fundamental(force: Array, time: Array, frequency: float) -> NDArray[np.complex128]:
+    """Complex amplitude of records (..., n) at a frequency, over the last whole periods after the first two."""
+    step = time[1] - time[0]
+    periods = int(len(time) * step * frequency + 0.01) - 2
+    count = round(periods / (frequency * step))
+    carrier = np.exp(-2j * np.pi * frequency * time[-count:])
+    return np.asarray(2 * np.mean(force[..., -count:] * carrier, axis=-1))
+
+
+def run(work: Path, seed: int, test: str) -> dict:
+    """One test left out: the measured amplitude and phase, and the two intervals of each."""
+    row = work / f"{seed}-{test}.json"
+    if row.exists():
+        return json.loads(row.read_text())
+    campaign: Campaign = run_plan(read_plan(PLAN).model_copy(update={"seed": seed}))
+    model, rng = find_model(MODEL), np.random.default_rng([seed, 9])
+    kept = tuple(m.name for m in campaign.measurements if m.kind == "sine" and m.name != test)
+    best = sampled_modes(campaign, model, Settings(seed=seed, jobs=1), kept)[0]
+    left_out = campaign.select((test,))
+    problem = build_problem(model, left_out)
+    measurement = left_out.measurements[0]
+    frequency, time = float(measurement.procedure.frequency), measurement.time
+    measured = fundamental(measurement.channel("lateral_force"), time, frequency)
+    wide = best.chains.thinned().points.reshape(-1, len(problem.space))
+    wide = wide[rng.integers(len(wide), size=DRAWS)]
+    factor = np.linalg.cholesky(np.linalg.inv(best.noise_hessian))
+    narrow = np.clip(best.minimum.point + rng.normal(size=wide.shape) @ factor.T, 0, 1)
+    # what the noise of the record adds to its own amplitude
+    noise = 2 * problem.records[0].noise_sd["lateral_force"] / np.sqrt(2 * len(time))
+    gap = np.sqrt(best.gap_squares[0] / 2) * np.ptp(measurement.channel("lateral_force"))
+    found = {"seed": seed, "test": test, "frequency": frequency}
+    for name, points, extra in (("plain", narrow, 0.0), ("gap_aware", wide, gap)):
+        spread = np.hypot(noise, extra)
+        predicted = fundamental(problem.simulate(points)[0][..., 0], time, frequency)
+        predicted = predicted + spread * (rng.normal(size=DRAWS) + 1j * rng.normal(size=DRAWS))
+        turned = np.angle(predicted / measured)
+        for kind, values, truth in (("amplitude", np.abs(predicted), np.abs(measured)), ("phase", turned, 0.0)):
+            low, high = np.quantile(values, (0.05, 0.95))
+            found[f"{name}_{kind}"] = bool(low <= truth <= high)
+            found[f"{name}_{kind}_width"] = float((high - low) / (np.abs(measured) if kind == "amplitude" else 1.0))
+    row.write_text(json.dumps(found))
+    return found
+
+
+def page(rows: list[dict], arguments: argparse.Namespace) -> str:
+    """The table as Markdown."""
+    lines = [
+        "# Predictions at frequencies that were left out",
+        "",
+        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
+        "",
+        f"Written by `python scripts/held_out.py --campaigns {arguments.campaigns}`. Coverage of the 90 % intervals in %, "
+        "their mean width beside it (amplitude: % of the amplitude; phase: mrad).",
+        "",
+        "| left out | predictions | plain: amplitude | phase | gap-aware: amplitude | phase |",
+        "|---|---|---|---|---|---|",
+    ]
+
+    def cells(own: list[dict]) -> str:
+        parts = []
+        for name in ("plain", "gap_aware"):
+            for kind, unit in (("amplitude", 100), ("phase", 1000)):
+                share = 100 * np.mean([row[f"{name}_{kind}"] for row in own])
+                width = unit * np.mean([row[f"{name}_{kind}_width"] for row in own])
+                parts.append(f"{share:.0f} ({width:.3g})")
+        return " | ".join(parts)
+
+    for frequency in sorted({row["frequency"] for row in rows}):
+        own = [row for row in rows if row["frequency"] == frequency]
+        lines.append(f"| {frequency:g} Hz | {len(own)} | {cells(own)} |")
+    lines.append(f"| all | {len(rows)} | {cells(rows)} |")
+    both = [
+        100 * np.mean([[row[f"{name}_amplitude"], row[f"{name}_phase"]] for row in rows])
+        for name in ("plain", "gap_aware")
+    ]
+    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "casadi", "llvmlite", "emcee"))
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"Amplitude and phase together: plain {both[0]:.0f} %, gap-aware {both[1]:.0f} %.",
+            "",
+            f"Python {platform.python_version()}, {libraries}.",
+            "",
+        ]
+    )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--campaigns", type=int, default=6)
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
+    parser.add_argument("--work", type=Path, default=ROOT / "runs" / "held_out")
+    arguments = parser.parse_args()
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    bundled = read_plan(PLAN).seed
+    tests = [test.name for test in read_plan(PLAN).tests if test.kind == "sine"]
+    tasks = [(bundled + k, test) for k in range(arguments.campaigns) for test in tests]
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        rows = list(pool.map(partial(run, arguments.work), *zip(*tasks, strict=True)))
+    target = ROOT / "reports" / "held_out"
+    target.mkdir(parents=True, exist_ok=True)
+    text = page(rows, arguments)
+    (target / "README.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
