@@ -23,8 +23,9 @@ from mofit.model import Model, build_system
 from mofit.outcome import Fit, Mode, Outcome
 from mofit.posing import choose_tests, dynamic_problem, main_problem, search_weights
 from mofit.problem import Problem
+from mofit.profiles import profile
 from mofit.progress import Progress, silent
-from mofit.refine import Minimum, merge, refine
+from mofit.refine import Minimum, RefineSettings, merge, refine
 from mofit.report import write_report
 from mofit.result import write_result
 from mofit.run import plan_folder
@@ -215,15 +216,19 @@ def _sample(
     spreads = []
     for minimum in plausible[: settings.most_modes]:
         local = problem.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
-        spreads.append((minimum, spread_problem(local, minimum.point), spread_problem(local, minimum.point, False)))
-    evidence = [laplace_log_evidence(m.value, wide.hessian, m.point, m.gradient) for m, wide, _ in spreads]
+        wide, narrow = (spread_problem(local, minimum.point, with_gap) for with_gap in (True, False))
+        # where noise and gap weaken the likelihood, the priors of the stages move the minimum
+        (moved, *_) = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))
+        spreads.append((moved, wide, narrow))
+    evidence = [laplace_log_evidence(m.value, m.hessian, m.point, m.gradient) for m, _, _ in spreads]
     weights = mode_weights(evidence)
     sampled = []
     for number, (minimum, wide, narrow) in enumerate(spreads, start=1):
+        covariance = laplace_covariance(minimum.hessian)
         chains = sample_mode(
             wide.log_posterior,
             minimum.point,
-            laplace_covariance(wide.hessian),
+            covariance,
             (settings.seed, number),
             settings.sampling,
             backend_path=path,
@@ -233,12 +238,13 @@ def _sample(
         sampled.append(
             Mode(
                 name=f"c{number}",
-                minimum=replace(minimum, hessian=wide.hessian),
+                minimum=minimum,
                 noise_hessian=narrow.hessian,
                 gap_squares=wide.gap_squares,
                 log_evidence=float(evidence[number - 1]),
                 weight=float(weights[number - 1]),
                 chains=chains,
+                profile=profile(wide, minimum.point, np.sqrt(np.diag(covariance))),
             )
         )
     return tuple(sampled)

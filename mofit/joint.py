@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,10 +66,20 @@ class JointProblem:
 
     def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
         """Negative log posterior (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
-        value, gradient, hessian = self.main.evaluate(u)
+        return self._total(u, lambda problem, points: problem.evaluate(points))
+
+    def squares_terms(self, u: Array) -> tuple[Array, Array, Array]:
+        """Weighted sum of all tests' squares (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
+        return self._total(u, lambda problem, points: problem.squares_terms(points))
+
+    def _total(
+        self, u: Array, terms: Callable[[Problem, Array], tuple[Array, Array, Array]]
+    ) -> tuple[Array, Array, Array]:
+        """Terms of all problems added up, derivatives in the main problem's coordinates."""
+        value, gradient, hessian = terms(self.main, u)
         for companion in self.companions:
             own, index, stretch = self.share(companion, u)
-            more, slope, curvature = companion.evaluate(own)
+            more, slope, curvature = terms(companion, own)
             value = value + more
             gradient[:, index] += slope * stretch
             hessian[:, index[:, None], index[None, :]] += curvature * stretch[:, :, None] * stretch[:, None, :]
@@ -98,3 +109,7 @@ class JointProblem:
     def prior_value(self, u: Array) -> Array:
         """Negative log density of the main problem's Gaussian prior up to a constant, shape (N,)."""
         return self.main.prior_value(u)
+
+    def prior_gradient(self, u: Array) -> Array:
+        """Its gradient, shape (N, d)."""
+        return self.main.prior_gradient(u)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mofit.calibration import Calibration
 from mofit.campaign import Campaign
 from mofit.problem import Problem
+from mofit.profiles import Profile
 from mofit.refine import Minimum
 from mofit.sample import Chains
 from mofit.search import SearchResult
@@ -35,6 +36,8 @@ class Mode:
         Mean squared amplitude of the gap on fundamentals and on harmonics, relative to the output's range.
     log_evidence, chains
         Laplace's, and the samples.
+    profile
+        Profile likelihood of every parameter.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Mode:
     log_evidence: float
     weight: float
     chains: Chains
+    profile: Profile
 
 
 @dataclass(frozen=True)

@@ -142,6 +142,15 @@ class Problem:
         """Weighted sum of all tests' squares, shape (N,), as the likelihood sees them."""
         return np.asarray(self.simulator.cost(self.full(u)) @ self.noise.weights)
 
+    def squares_terms(self, u: Array) -> tuple[Array, Array, Array]:
+        """The same with gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        sums, weights = self.sums(u), self.noise.weights
+        return (
+            np.asarray(sums.cost @ weights),
+            2 * np.einsum("t,ntd->nd", weights, sums.gradient),
+            2 * np.einsum("t,ntde->nde", weights, sums.normal),
+        )
+
     @property
     def prior_precision(self) -> Array:
         """Of the Gaussian prior, shape (d, d)."""
@@ -151,6 +160,11 @@ class Problem:
         """Negative log density of the Gaussian prior up to a constant, shape (N,)."""
         mean, precision = self._prior_terms
         return np.asarray(0.5 * np.einsum("ni,ij,nj->n", u - mean, precision, u - mean))
+
+    def prior_gradient(self, u: Array) -> Array:
+        """Gradient of `prior_value`, shape (N, d)."""
+        mean, precision = self._prior_terms
+        return np.asarray((u - mean) @ precision)
 
     def simulate(self, u: Array) -> list[Array]:
         """Simulated outputs per test, shape (N, samples, outputs)."""

@@ -50,6 +50,20 @@ class SpreadProblem:
             result[inside] = np.where(np.isfinite(value), -value, -np.inf)
         return result
 
+    def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
+        """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        a = self.adjustment
+        squares, slope, curvature = self.problem.squares_terms(a.mapped(u))
+        change = squares - self.squares
+        shape = a.slope(change, u)[:, None]
+        gradient = shape * (a.scale * slope @ a.map + 2 * a.linear)
+        hessian = a.scale * shape[:, :, None] * np.einsum("ji,njk,kl->nil", a.map, curvature, a.map)
+        return (
+            self.offset + a.value(change, u) + self.problem.prior_value(u),
+            gradient + self.problem.prior_gradient(u),
+            hessian + self.problem.prior_precision,
+        )
+
     @property
     def hessian(self) -> Array:
         """Of -log posterior at the minimum, shape (d, d)."""

@@ -7,6 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mofit.assemble.comparison import laplace_sd
+from mofit.assemble.profiles import profile_group
 from mofit.assemble.signals import predictions, predictive
 from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
@@ -31,6 +32,7 @@ def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
         groups[path] = _summary(outcome.problem, mode, draws.points)
         groups[f"{path}/prediction"] = predictions(outcome.problem, mode.minimum.point)
         groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
+        groups[f"{path}/profile"] = profile_group(outcome.problem.space, mode.profile)
         groups[f"{path}/sample_stats"] = _sample_stats(mode)
         groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode.minimum.point[None], draws.points)
         groups[f"{path}/posterior_predictive"] = predictive(outcome.problem, _few(outcome.problem, draws.points))

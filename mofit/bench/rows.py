@@ -8,8 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import mofit
-
 Row = dict[str, Any]
 
 
@@ -28,7 +26,7 @@ class Rows:
 
     def __init__(self, name: str, options: dict[str, Any], folder: Path = Path("runs/bench")) -> None:
         digest = hashlib.sha256(json.dumps(options, sort_keys=True).encode())
-        package = Path(mofit.__file__).parent
+        package = Path(__file__).parents[1]
         for file in sorted([*(package / "search").glob("*.py"), *(package / "bench").glob("*.py")]):
             digest.update(file.read_bytes())
         self.path = folder / f"{name}-{digest.hexdigest()[:16]}.jsonl"

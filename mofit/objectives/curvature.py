@@ -110,9 +110,16 @@ class Adjustment:
         The noise was estimated with :math:`\nu` degrees of freedom:
         :math:`\tfrac{\nu + d}{2} \log(1 + q / \nu)` in place of :math:`q / 2`.
         """
-        square = self.scale * change + 2 * (u - self.centre) @ self.linear
-        square = np.maximum(square, -0.5 * self.freedom)
+        square = self._square(change, u)
         return np.asarray(0.5 * (self.freedom + len(self.centre)) * np.log1p(square / self.freedom))
+
+    def slope(self, change: Array, u: Array) -> Array:
+        """Derivative of `value` with respect to q, (N,)."""
+        return np.asarray(0.5 * (self.freedom + len(self.centre)) / (self.freedom + self._square(change, u)))
+
+    def _square(self, change: Array, u: Array) -> Array:
+        square = self.scale * change + 2 * (u - self.centre) @ self.linear
+        return np.maximum(square, -0.5 * self.freedom)
 
 
 def adjust(score: Score, centre: Array, with_gap: bool) -> Adjustment:
