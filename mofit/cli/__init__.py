@@ -1,0 +1,29 @@
+"""The command line: parse, call one function, print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cyclopts import CycloptsError
+
+from mofit.cli import benchmarks, campaigns, runs  # noqa: F401  # they register their commands
+from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
+from mofit.errors import InputError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code (see the README)."""
+    try:
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        return code if isinstance(code, int) else DONE
+    except InputError as error:
+        say(f"mofit: {error}")
+        return UNUSABLE
+    except CycloptsError as error:
+        say(f"mofit: {error}".rstrip() + " See mofit --help.")
+        return UNUSABLE
+    except KeyboardInterrupt:
+        say("mofit: interrupted; nothing is damaged. The same command with --resume goes on.")
+        return INTERRUPTED
+    except BrokenPipeError:
+        return DONE

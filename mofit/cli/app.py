@@ -1,0 +1,36 @@
+"""What all commands share: the application, exit codes, how they print."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from mofit import __version__
+
+DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
+INTERRUPTED = 130
+
+app = App(
+    name="mofit",
+    version=__version__,
+    help="Identify dynamic models from test-bench data, with every plausible solution and an honest spread.",
+    help_format="rich",
+    suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative="", show_default=lambda value: value not in (False, ())),
+)
+
+Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
+Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. All cores by default.")]
+
+
+def say(text: str) -> None:
+    """To standard error."""
+    print(text, file=sys.stderr)
+
+
+def print_json(data: Any) -> None:
+    """One object on standard output."""
+    print(json.dumps(data, allow_nan=False))

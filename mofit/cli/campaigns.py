@@ -1,0 +1,107 @@
+"""Commands on campaigns: check, simulate, import."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mofit.cli.app import DONE, UNUSABLE, Json, app, print_json
+from mofit.errors import InputError
+
+
+@app.command
+def check(file: Path, /, *, as_json: Json = False) -> int:
+    """Read a campaign and say all that is wrong or odd with it.
+
+    Example: mofit check my_campaign.nc
+
+    Parameters
+    ----------
+    file
+        Campaign file (netCDF, mofit.campaign/1).
+    """
+    from dataclasses import asdict
+
+    from mofit.check import check_campaign
+
+    faults = check_campaign(file)
+    if as_json:
+        print_json({"faults": [asdict(fault) for fault in faults]})
+    else:
+        for fault in faults:
+            print(f"{fault.severity}: {fault}")
+        print(f"{file}: {len(faults)} finding(s)" if faults else f"{file}: nothing wrong found")
+    return UNUSABLE if any(fault.severity == "error" for fault in faults) else DONE
+
+
+@app.command
+def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -> int:
+    """A virtual test rig: make a campaign from a model, effects and noise.
+
+    Example: mofit simulate data/plans/table5.toml --out table5.nc
+
+    Parameters
+    ----------
+    plan
+        Plan file (TOML).
+    out
+        Campaign file to write; by default the plan's name with .nc.
+    """
+    from mofit.campaign_file import write_campaign
+    from mofit.simulate import simulate as run
+
+    target = _new_file(out or Path(plan.with_suffix(".nc").name))
+    campaign = run(plan)
+    write_campaign(campaign, target)
+    return _report_campaign(campaign, target, as_json)
+
+
+@app.command(name="import")
+def import_(
+    *sources: Path,
+    map: Path,
+    out: Path | None = None,
+    as_json: Json = False,
+) -> int:
+    """Turn measured files (CSV, text, MAT) into a campaign, as a map file says.
+
+    Example: mofit import measured/*.csv --map my_rig.toml --out campaign.nc
+
+    Parameters
+    ----------
+    sources
+        Files or folders in which the map's files are looked for.
+    map
+        Map file (TOML): which column is which channel, in which unit; see docs/campaigns.md.
+    out
+        Campaign file to write; by default the map's name with .nc.
+    """
+    from mofit.campaign_file import write_campaign
+    from mofit.readers import import_files
+
+    target = _new_file(out or Path(map.with_suffix(".nc").name))
+    campaign = import_files(sources, map)
+    write_campaign(campaign, target)
+    return _report_campaign(campaign, target, as_json)
+
+
+def _new_file(target: Path) -> Path:
+    if target.exists():
+        raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
+    if not target.parent.is_dir():
+        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
+    return target
+
+
+def _report_campaign(campaign: Any, target: Path, as_json: bool) -> int:
+    rows = [
+        {"test": m.name, "procedure": m.kind, "samples": len(m.time), "seconds": float(m.time[-1] - m.time[0])}
+        for m in campaign.measurements
+    ]
+    if as_json:
+        print_json({"file": str(target), "source": campaign.source, "tests": rows})
+    else:
+        print(f"{target}: {campaign.title} ({campaign.source}), {len(rows)} tests")
+        for row in rows:
+            print(f"  {row['test']}: {row['procedure']}, {row['samples']} samples, {row['seconds']:.3g} s")
+    return DONE
