@@ -61,7 +61,8 @@ def raise_errors(faults: Iterable[Fault]) -> None:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A cure for an unknown name: the closest known one, else the list of all."""
     known = sorted(known)
-    close = difflib.get_close_matches(name, known, n=1)
+    folded = [other for other in known if other.casefold() == name.casefold()]
+    close = folded or difflib.get_close_matches(name, known, n=1)
     if close:
         return f"Did you mean '{close[0]}'?"
     return f"Known are: {', '.join(known) or 'none'}"

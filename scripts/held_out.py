@@ -2,8 +2,8 @@
 
     python scripts/held_out.py [--campaigns 6] [--jobs 2] [--work FOLDER]
 
-The bundled campaign hides a relaxation spectrum from the Maxwell model. Each sine test is left out in turn, the model is
-identified on the others, and the amplitude and phase of the force at the left-out frequency are predicted: with 90 %
+The bundled campaign hides a relaxation spectrum from the Maxwell model. Each sine test is left out in turn, the model
+is identified on the others, and the amplitude and phase of the force at the left-out frequency are predicted: with 90 %
 intervals from the parameters' spread alone if the model were right (plain), and from their spread with the gap of the
 model and the gap itself on the predicted line (gap-aware). Campaigns differ in the seed of their noise. Rows that the
 work folder holds already are kept.
@@ -88,8 +88,8 @@ def page(rows: list[dict], arguments: argparse.Namespace) -> str:
         "",
         (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
         "",
-        f"Written by `python scripts/held_out.py --campaigns {arguments.campaigns}`. Coverage of the 90 % intervals in %, "
-        "their mean width beside it (amplitude: % of the amplitude; phase: mrad).",
+        f"Written by `python scripts/held_out.py --campaigns {arguments.campaigns}`. Coverage of the 90 % intervals "
+        "in %, their mean width beside it (amplitude: % of the amplitude; phase: mrad).",
         "",
         "| left out | predictions | plain: amplitude | phase | gap-aware: amplitude | phase |",
         "|---|---|---|---|---|---|",

@@ -13,9 +13,9 @@ from mofit.report.run import Array, Cluster, Run, numbers, tab_title
 from mofit.report.style import cluster_colour, few_ticks, image_of, legend_above, line_key, panels
 
 R_HAT_LIMIT = 1.01
-ESS_LIMIT = 400.0
-LENGTH_LIMIT = 50.0
-"""Vehtari et al. (2021): R-hat below 1.01 and 400 effective samples; emcee: 50 autocorrelation times."""
+ESS_LIMIT = 1000.0
+LENGTH_LIMIT = 100.0
+"""The stop rule: R-hat below 1.01, 1,000 effective samples, 100 autocorrelation times."""
 
 _TRACE_POINTS = 120
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = ("check", "identify", "simulate", "import", "report", "bench")
+COMMANDS = ("check", "identify", "simulate", "import", "report", "uncertainty", "bench")
 
 
 def mofit(*arguments, cwd=None):

@@ -1,0 +1,60 @@
+"""The posterior that is sampled: derivatives, and what it makes of colour and gap."""
+
+import numpy as np
+import pytest
+
+from mofit.bundled import bundled_campaign
+from mofit.calibration import calibrate, calibrated_values
+from mofit.campaign_file import read_campaign
+from mofit.library import find_model
+from mofit.posing import choose_tests, dynamic_problem
+from mofit.refine import merge, refine
+from mofit.score import score
+from mofit.settings import Settings, free_space
+from mofit.spread import spread_problem
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """The bundled campaign's sine tests with steady state and spring held, and their minimum."""
+    campaign, model, settings = read_campaign(bundled_campaign()), find_model("maxwell_tyre"), Settings(jobs=1)
+    space = free_space(model, settings)
+    calibrations, _ = calibrate(model, campaign, space, seed=0, jobs=1)
+    assert set(calibrated_values(calibrations)) >= {"c_y", "p_y"}
+    selected = campaign.select(choose_tests(model, campaign, ()))
+    problem = dynamic_problem(model, selected, space, calibrations, settings)
+    point = merge(refine(problem.evaluate, problem.space.to_unit(problem.space.nominal)[None]))[0].point
+    problem = problem.with_noise_at(point)
+    return problem, merge(refine(problem.evaluate, point[None]))[0].point
+
+
+@pytest.mark.parametrize("with_gap", [False, True])
+def test_derivatives(fitted, with_gap):
+    problem, point = fitted
+    wide = spread_problem(problem, point, with_gap)
+    u = point + 0.002 * np.array([[1.0, -1.0, 0.5], [-0.5, 0.3, 1.0]])
+    value, gradient, hessian = wide.evaluate(u)
+    np.testing.assert_allclose(value, -wide.log_posterior(u), rtol=1e-12)
+    step = 1e-6
+    for k, move in enumerate(step * np.eye(3)):
+        central = (wide.evaluate(u + move)[0] - wide.evaluate(u - move)[0]) / (2 * step)
+        np.testing.assert_allclose(gradient[:, k], central, rtol=1e-4, atol=1e-4 * np.abs(gradient).max())
+    assert np.all(np.linalg.eigvalsh(hessian) > 0)
+
+
+def test_hidden_spectrum_is_a_gap_that_widens_the_posterior(fitted):
+    problem, point = fitted
+    widths = [
+        np.sqrt(np.diag(np.linalg.inv(spread_problem(problem, point, with_gap).hessian))) for with_gap in (False, True)
+    ]
+    assert np.all(widths[1] > 2 * widths[0])
+    found = score(problem, point)
+    assert found.gap_squares[0] > 0
+    assert found.gap_freedom == 2 * len(problem.tests) - 3
+
+
+def test_log_posterior_is_the_problems_own_at_the_minimum(fitted):
+    problem, point = fitted
+    wide = spread_problem(problem, point)
+    assert wide.log_posterior(point[None]) == pytest.approx(problem.log_posterior(point[None]))
+    assert wide.log_posterior(np.full((1, 3), 1.5))[0] == -np.inf
