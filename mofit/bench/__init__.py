@@ -8,7 +8,7 @@ from typing import Any
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
-BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front")
+BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "pipeline")
 
 
 def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:

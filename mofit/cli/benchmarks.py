@@ -25,7 +25,7 @@ def bench(
     Parameters
     ----------
     name
-        kernel, rastrigin, cec2013 or front.
+        kernel, rastrigin, cec2013, front or pipeline.
     runs
         Runs of each competitor; slow ones may do fewer, which the table tells.
     seed
