@@ -61,7 +61,7 @@ class Result:
 class Task:
     """The best mode of the bundled campaign, all parameters free, as `mofit identify` samples it."""
 
-    def __init__(self, seed: int, jobs: int) -> None:
+    def __init__(self, seed: int, jobs: int, limit: float) -> None:
         settings = Settings(seed=seed, jobs=jobs)
         campaign, model = read_campaign(bundled_campaign()), find_model(MODEL)
         space = free_space(model, settings)
@@ -76,7 +76,7 @@ class Task:
         near = counted.near(self.minimum.point[None], np.sqrt(np.diag(self.covariance)))
         assert isinstance(near, Problem)
         self.problem = near
-        self.settings, self.seed = SampleSettings(), seed
+        self.settings, self.seed, self.limit = SampleSettings(), seed, limit
 
     @property
     def dimension(self) -> int:
@@ -84,8 +84,8 @@ class Task:
         return len(self.minimum.point)
 
 
-def run(seed: int = 0, jobs: int = 2) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Sample one mode with every sampler to the stop rule (or to its limit of steps).
+def run(seed: int = 0, jobs: int = 2, limit: float = 120.0) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Sample one mode with every sampler to the stop rule, plain emcee at most until the limit, in seconds.
 
     Effective draws are counted alike for ensembles, N times the walkers by tau; for NUTS it is the bulk ESS.
 
@@ -98,7 +98,7 @@ def run(seed: int = 0, jobs: int = 2) -> tuple[list[dict[str, Any]], dict[str, A
     settings
         The task and the machine.
     """
-    task = Task(seed, jobs)
+    task = Task(seed, jobs, limit)
     task.problem.log_posterior(task.minimum.point[None])  # compiled before the clock runs, values and gradients
     task.problem.evaluate(task.minimum.point[None])
     samplers: tuple[tuple[str, Callable[[Task], Result]], ...] = (
@@ -132,6 +132,7 @@ def run(seed: int = 0, jobs: int = 2) -> tuple[list[dict[str, Any]], dict[str, A
         "free": list(task.problem.space.names),
         "seed": seed,
         "jobs": jobs,
+        "limit_seconds": limit,
         "cpu": platform.processor() or platform.machine(),
         "python": platform.python_version(),
     }
@@ -142,7 +143,9 @@ def _mofit(task: Task) -> Result:
     chains = sample_mode(task.problem.log_posterior, task.minimum.point, task.covariance, (task.seed, 1), task.settings)
     draws = (chains.steps - chains.discard) * int((~(chains.stuck | chains.left)).sum())
     note = f"{chains.chain.shape[0]} ensembles of {chains.chain.shape[2]} walkers, {chains.steps} steps"
-    return Result(draws / chains.tau.max(), float(chains.r_hat.max()), chains.evaluations, 0, chains.converged, note)
+    return Result(
+        float(draws / chains.tau.max()), float(chains.r_hat.max()), chains.evaluations, 0, chains.converged, note
+    )
 
 
 def _emcee(task: Task) -> Result:
@@ -159,9 +162,10 @@ def _emcee(task: Task) -> Result:
         inside = point + rng.standard_normal((walkers, task.dimension)) @ spread.T
         states.append(np.clip(inside, 1e-9, 1 - 1e-9))
     former, steps = np.full(task.dimension, np.inf), 0
+    end = time.perf_counter() + task.limit
     while True:
-        states = [sampler.run_mcmc(state, 500) for sampler, state in zip(samplers, states, strict=True)]
-        steps += 500
+        states = [sampler.run_mcmc(state, 200) for sampler, state in zip(samplers, states, strict=True)]
+        steps += 200
         chain = np.stack([sampler.get_chain() for sampler in samplers])
         tau = autocorrelation_time(chain.transpose(1, 0, 2, 3).reshape(steps, -1, task.dimension))
         discard, every = int(min(2 * tau.max(), steps // 2)), int(np.ceil(2 * tau.max()))
@@ -173,11 +177,11 @@ def _emcee(task: Task) -> Result:
             and effective >= settings.min_ess
             and mixing <= settings.max_r_hat
         )
-        if met or steps >= settings.max_steps:
+        if met or time.perf_counter() > end:
             break
         former = tau
     note = f"{len(chain)} ensembles of {walkers} walkers, {steps} steps"
-    return Result(float(effective), mixing, chain[..., 0].size, 0, met, note)
+    return Result(float(effective), mixing, chain[..., 0].size, 0, bool(met), note)
 
 
 def _nuts(task: Task, warmup: int = 300, draws: int = 500) -> Result:

@@ -19,6 +19,7 @@ class Gaussian:
     minimum = SimpleNamespace(point=np.array([0.5, 0.3, 0.6]))
     settings = SampleSettings(tau_multiple=20.0, tau_change=0.1, min_ess=200.0, max_r_hat=1.02)  # what takes seconds
     seed = 1
+    limit = 60.0
 
     def __init__(self):
         self.problem = self
