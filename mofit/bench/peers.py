@@ -128,7 +128,7 @@ _FLAT = 1e-3
 def mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
     """Multi-level single linkage with L-BFGS (NLopt); every point where the gradient vanishes counts."""
     try:
-        import nlopt  # type: ignore[import-untyped]
+        nlopt = import_module("nlopt")
     except ImportError:
         raise Absent("nlopt is not installed (extra 'bench')") from None
     counted, visited, slopes = Counted(landscape, dimension, budget, price), [], []
