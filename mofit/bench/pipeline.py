@@ -20,10 +20,10 @@ from mofit.calibration import calibrate
 from mofit.campaign_file import read_campaign
 from mofit.library import find_model
 from mofit.posing import choose_tests, main_problem
-from mofit.problem import Problem
-from mofit.refine import merge, refine
+from mofit.refine import RefineSettings, merge, refine
 from mofit.sample import SampleSettings, autocorrelation_time, effective_size, laplace_covariance, r_hat, sample_mode
 from mofit.settings import Settings, free_space
+from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
 
@@ -71,11 +71,12 @@ class Task:
         starts = qmc.Sobol(len(space), rng=seed).random(16)
         rough = merge(refine(problem.evaluate, starts))[0]
         counted = problem.with_noise_at(rough.point)
-        self.minimum = merge(refine(counted.evaluate, rough.point[None]))[0]
+        minimum = merge(refine(counted.evaluate, rough.point[None]))[0]
+        near = counted.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
+        self.problem = spread_problem(near, minimum.point)
+        self.minimum = merge(refine(self.problem.evaluate, minimum.point[None], RefineSettings(join=None)))[0]
         self.covariance = laplace_covariance(self.minimum.hessian)
-        near = counted.near(self.minimum.point[None], np.sqrt(np.diag(self.covariance)))
-        assert isinstance(near, Problem)
-        self.problem = near
+        self.tests, self.free = near.tests, near.space.names
         self.settings, self.seed, self.limit = SampleSettings(), seed, limit
 
     @property
@@ -128,8 +129,8 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 120.0) -> tuple[list[dict[s
         })  # fmt: skip
     settings = {
         "model": MODEL,
-        "tests": list(task.problem.tests),
-        "free": list(task.problem.space.names),
+        "tests": list(task.tests),
+        "free": list(task.free),
         "seed": seed,
         "jobs": jobs,
         "limit_seconds": limit,

@@ -9,8 +9,8 @@ from scipy.stats import multivariate_normal
 from mofit.parameters import Array
 from mofit.sample.student import Students
 
-FREEDOMS = (5.0, 15.0, 50.0)
-"""Degrees of freedom tried: heavy tails for any shape, up to nearly Gaussian (in 8 dimensions, 0.7 to 0.9 accepted)."""
+FREEDOMS = (5.0, 10.0, 20.0)
+"""Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show."""
 MOST_COMPONENTS = 16
 """Each needs some dozens of draws to be fitted to."""
 WORTHWHILE = 0.9

@@ -34,7 +34,7 @@ def sample_mode(
     """Sample a posterior from one of its minima.
 
     Several independent ensembles of emcee start from the Gaussian of the Laplace approximation. During burn-in, a
-    Student-t proposal is fitted to the walkers of all ensembles after each round, then frozen. Production goes on in
+    mixture of Student-t distributions is fitted to all walkers after each round, then frozen. Production goes on in
     chunks until all requirements of the settings hold (length in autocorrelation times, their steadiness, R-hat between
     the ensembles, effective draws, walkers that stayed), or `max_steps`.
 

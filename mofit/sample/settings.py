@@ -22,8 +22,8 @@ class SampleSettings:
     """Production steps per ensemble after which the chain is handed over unconverged."""
     round_steps: int = 12
     """Fewest steps of one round of burn-in, after which the independent proposal is adapted."""
-    min_rounds: int = 3
-    """The proposal comes from the Laplace approximation in round 1 and from truly moved walkers from round 3 on."""
+    min_rounds: int = 5
+    """Some 3,000 positions to fit the proposal to, in the later half: the fit costs less than it saves."""
     max_rounds: int = 14
     """About 800 steps; whatever still drifts then shows in R-hat."""
     tau_multiple: float = 100.0
