@@ -29,7 +29,15 @@ from mofit.refine import Minimum, RefineSettings, merge, refine
 from mofit.report import write_report
 from mofit.result import write_result
 from mofit.run import plan_folder
-from mofit.sample import laplace_covariance, laplace_log_evidence, mode_weights, sample_mode
+from mofit.sample import (
+    bridge_log_evidence,
+    cell,
+    laplace_covariance,
+    laplace_log_evidence,
+    mode_weights,
+    restricted,
+    sample_mode,
+)
 from mofit.search import SearchResult
 from mofit.searching import search
 from mofit.settings import Settings, free_space
@@ -184,7 +192,7 @@ def _refine(problem: P, starts: Array) -> tuple[P, tuple[Minimum, ...]]:
 
 def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> tuple[list[Minimum], Array]:
     """Minima that carry posterior weight, and their log evidence (Laplace)."""
-    evidence = np.array([laplace_log_evidence(m.value, m.hessian, m.point, m.gradient) for m in minima])
+    evidence = np.array([laplace_log_evidence(*_quadratic(minimum)) for minimum in minima])
     weights = mode_weights(evidence)
     kept = [i for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_weight]
     return [minima[i] for i in kept], evidence[kept]
@@ -220,34 +228,33 @@ def _sample(
         # where noise and gap weaken the likelihood, the priors of the stages move the minimum
         (moved, *_) = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))
         spreads.append((moved, wide, narrow))
-    evidence = [laplace_log_evidence(m.value, m.hessian, m.point, m.gradient) for m, _, _ in spreads]
-    weights = mode_weights(evidence)
+    spreads.sort(key=lambda spread: -laplace_log_evidence(*_quadratic(spread[0])))
+    values, centres = [m.value for m, _, _ in spreads], np.stack([m.point for m, _, _ in spreads])
+    covariances = np.stack([laplace_covariance(m.hessian) for m, _, _ in spreads])
     sampled = []
-    for number, (minimum, wide, narrow) in enumerate(spreads, start=1):
-        covariance = laplace_covariance(minimum.hessian)
+    for index, (minimum, wide, narrow) in enumerate(spreads):
+        name, covariance = f"c{index + 1}", covariances[index]
+        belongs = cell(index, values, centres, covariances)
+        own = restricted(wide.log_posterior, belongs) if len(spreads) > 1 else wide.log_posterior
         chains = sample_mode(
-            wide.log_posterior,
+            own,
             minimum.point,
             covariance,
-            (settings.seed, number),
+            (settings.seed, index + 1),
             settings.sampling,
             backend_path=path,
-            mode=f"c{number}",
-            progress=partial(_relay, progress, f"sample mode {number} of {len(spreads)}"),
+            mode=name,
+            progress=partial(_relay, progress, f"sample mode {index + 1} of {len(spreads)}"),
         )
-        sampled.append(
-            Mode(
-                name=f"c{number}",
-                minimum=minimum,
-                noise_hessian=narrow.hessian,
-                gap_squares=wide.gap_squares,
-                log_evidence=float(evidence[number - 1]),
-                weight=float(weights[number - 1]),
-                chains=chains,
-                profile=profile(wide, minimum.point, np.sqrt(np.diag(covariance))),
-            )
-        )
-    return tuple(sampled)
+        evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
+        spread = profile(wide, minimum.point, np.sqrt(np.diag(covariance)))
+        sampled.append(Mode(name, minimum, narrow.hessian, wide.gap_squares, evidence, 1.0, chains, spread))
+    weights = mode_weights([mode.evidence.log_evidence for mode in sampled])
+    return tuple(replace(mode, weight=float(weight)) for mode, weight in zip(sampled, weights, strict=True))
+
+
+def _quadratic(minimum: Minimum) -> tuple[float, Array, Array, Array]:
+    return minimum.value, minimum.hessian, minimum.point, minimum.gradient
 
 
 def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:

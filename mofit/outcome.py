@@ -14,7 +14,7 @@ from mofit.campaign import Campaign
 from mofit.problem import Problem
 from mofit.profiles import Profile
 from mofit.refine import Minimum
-from mofit.sample import Chains
+from mofit.sample import Chains, Evidence
 from mofit.search import SearchResult
 
 Array = NDArray[np.float64]
@@ -26,25 +26,27 @@ class Mode:
 
     Parameters
     ----------
-    name, weight
-        Of the mode; its share in the posterior.
+    name
+        Of the mode.
     minimum
         With the Hessian that noise and gap ask for.
     noise_hessian
         What it would be for noise alone.
     gap_squares
         Mean squared amplitude of the gap on fundamentals and on harmonics, relative to the output's range.
-    log_evidence, chains
-        Laplace's, and the samples.
-    profile
-        Profile likelihood of every parameter.
+    evidence
+        By bridge sampling.
+    weight
+        Share in the posterior mass of all modes.
+    chains, profile
+        The samples, and the profile likelihood of every parameter.
     """
 
     name: str
     minimum: Minimum
     noise_hessian: Array
     gap_squares: tuple[float, float]
-    log_evidence: float
+    evidence: Evidence
     weight: float
     chains: Chains
     profile: Profile

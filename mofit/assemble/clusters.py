@@ -93,7 +93,8 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
             "test": ("test", list(problem.tests)),
         },
         {
-            "log_evidence": mode.log_evidence,
+            "log_evidence": mode.evidence.log_evidence,
+            "log_evidence_error": mode.evidence.error,
             "weight": mode.weight,
             "log_posterior": -minimum.value,
             "gap_fundamental": float(np.sqrt(mode.gap_squares[0])),
