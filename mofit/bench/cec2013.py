@@ -100,7 +100,7 @@ def run(runs: int = 50, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
     """
     rows = Rows("cec2013", {"runs": runs, "seed": seed})
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for function in range(len(FUNCTIONS)):
+        for function in sorted(range(len(FUNCTIONS)), key=lambda k: FUNCTIONS[k].budget):  # the quick ones first
             for entry in range(len(ENTRIES)):
                 most = min(runs, ENTRIES[entry].runs, FEW if FUNCTIONS[function].budget >= LARGE else runs)
                 head = {"function": _label(FUNCTIONS[function]), "search": ENTRIES[entry].name, "runs": most}
