@@ -22,7 +22,7 @@ from mofit.search import NichingSettings, niching
 ACCURACIES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5)
 #: Of a search's minima, those whose value is so close to its best are reported as global.
 GLOBAL = 1e-4
-#: Runs of a function with this budget or more, and of a peer, at most: they take minutes each.
+#: A function with this budget gets one run, a peer at most three: they take minutes each.
 LARGE, FEW = 400_000, 3
 
 
@@ -85,7 +85,7 @@ def run(runs: int = 50, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
     Parameters
     ----------
     runs
-        Of niching on each function; peers, and functions with a budget of 400,000, get at most three.
+        Of niching on each function; peers get at most three, functions with a budget of 400,000 one.
     seed
         Of all runs; results do not depend on ``jobs``.
     jobs
@@ -102,7 +102,7 @@ def run(runs: int = 50, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         for function in sorted(range(len(FUNCTIONS)), key=lambda k: FUNCTIONS[k].budget):  # the quick ones first
             for entry in range(len(ENTRIES)):
-                most = min(runs, ENTRIES[entry].runs, FEW if FUNCTIONS[function].budget >= LARGE else runs)
+                most = min(runs, ENTRIES[entry].runs, 1 if FUNCTIONS[function].budget >= LARGE else runs)
                 head = {"function": _label(FUNCTIONS[function]), "search": ENTRIES[entry].name, "runs": most}
                 rows.add(head, partial(_all, pool, function, entry, seed, most))
     libraries = {name: version(name) for name in ("numpy", "scipy", "casadi")}
