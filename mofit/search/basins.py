@@ -36,7 +36,7 @@ def archive(ledger: Ledger, descent: Descent, spread: float, merge: float) -> No
         return
     minima.inverses.append(end.inverse)
     if minima.ends:
-        nearest = int(minima.nearest(end.point[None])[0])
+        nearest = int(np.argmin(minima.gaps(end.point)))
         known = minima.ends[nearest]
         same = bool(np.linalg.norm(known.point - end.point) < merge)
         same = same or not _hill_between(ledger, minima, known, end, spread)

@@ -55,12 +55,14 @@ class Ledger:
     @property
     def points(self) -> Array:
         """All points so far, shape (n, d)."""
-        return np.concatenate(self._points)
+        self._points = [np.concatenate(self._points)]
+        return self._points[0]
 
     @property
     def values(self) -> Array:
         """Their objective vectors, shape (n, T)."""
-        return np.concatenate(self._values)
+        self._values = [np.concatenate(self._values)]
+        return self._values[0]
 
     def evaluate(self, points: Array) -> tuple[Indices, Array]:
         """Rows and objective vectors of as many of the points as the budget allows."""

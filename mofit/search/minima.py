@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mofit.parameters import Array
 
@@ -78,19 +80,19 @@ class Minima:
         self.ends[place] = end
         self._points[place] = end.point
 
-    def gaps(self, points: Array) -> Array:
-        """Distance of a point (d,) to every minimum, shape (minima,); of points (N, d), shape (N, minima)."""
-        if not self.ends:
-            return np.empty((*points.shape[:-1], 0))
-        return np.asarray(np.linalg.norm(self._points - points[..., None, :], axis=-1))
+    def gaps(self, point: Array) -> Array:
+        """Distance of a point (d,) to every minimum."""
+        return np.linalg.norm(self._points - point, axis=1) if self.ends else np.empty(0)
 
-    def distance(self, points: Array) -> Array:
-        """Of points (..., d) to the nearest minimum; infinite if there is none."""
-        return np.asarray(np.min(self.gaps(points), axis=-1, initial=np.inf))
+    def distance(self, point: Array) -> float:
+        """Of a point (d,) to the nearest minimum; infinite if there is none."""
+        return float(np.min(self.gaps(point), initial=np.inf))
 
-    def nearest(self, points: Array) -> Array:
+    def nearest(self, points: Array) -> NDArray[np.int64]:
         """Number of the nearest minimum to each point (N, d); 0 if there is none."""
-        return np.argmin(self.gaps(points), axis=-1) if self.ends else np.zeros(len(points), dtype=np.int64)
+        if not self.ends:
+            return np.zeros(len(points), dtype=np.int64)
+        return np.asarray(cKDTree(self._points).query(points)[1])
 
     def typical_inverse(self) -> Array | None:
         """Element-wise median of the last inverse Hessians, made positive definite."""

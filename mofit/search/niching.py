@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import islice
 from math import gamma, log, pi
 
 import numpy as np
@@ -200,11 +201,9 @@ def _polish_from(
     points, cost = ledger.points[sample], minima.cost(ledger.values[sample])
     spread = float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
     waiting = [k for k in _linked(points, cost, settings.keep) if int(sample[k]) not in minima.started]
-    while waiting and ledger.gradients_left > 0:
-        away = minima.distance(points[waiting]) >= minima.exclusion
-        waiting = [k for k, far in zip(waiting, away, strict=True) if far]
-        waiting = waiting[:most]
-        batch, waiting = waiting[: settings.together], waiting[settings.together :]
+    # looked at only when its turn comes: of the minima that are known by then
+    away = islice((k for k in waiting if minima.distance(points[k]) >= minima.exclusion), most)
+    while ledger.gradients_left > 0 and (batch := list(islice(away, settings.together))):
         minima.started.update(int(sample[k]) for k in batch)
         ends = descend(ledger, [(minima, points[k], None) for k in batch], settings.polish, settings.repel)
         for descent in ends:
@@ -256,7 +255,7 @@ def _result(
         cost=cost,
         stored=np.array(list(dict.fromkeys(stored)), dtype=np.int64),
         swarm=swarm,
-        labels=np.asarray(main.nearest(points[swarm]), dtype=np.int64),
+        labels=main.nearest(points[swarm]),
         front=nondominated(values),
         history=tuple(history),
         gradients=ledger.with_gradient,
