@@ -82,7 +82,10 @@ class Minima:
 
     def gaps(self, point: Array) -> Array:
         """Distance of a point (d,) to every minimum."""
-        return np.linalg.norm(self._points - point, axis=1) if self.ends else np.empty(0)
+        if not self.ends:
+            return np.empty(0)
+        offset = self._points - point
+        return np.sqrt(np.einsum("ij,ij->i", offset, offset))
 
     def distance(self, point: Array) -> float:
         """Of a point (d,) to the nearest minimum; infinite if there is none."""
