@@ -41,7 +41,7 @@ from mofit.sample import (
 from mofit.search import SearchResult
 from mofit.searching import search
 from mofit.settings import Settings, free_space
-from mofit.spread import spread_problem
+from mofit.spread import spread_problem, spread_problems
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Problem | JointProblem)
@@ -190,19 +190,18 @@ def _refine(problem: P, starts: Array) -> tuple[P, tuple[Minimum, ...]]:
     return counted, merge(again, values=lambda u: -counted.log_posterior(u))
 
 
-def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> tuple[list[Minimum], Array]:
-    """Minima that carry posterior weight, and their log evidence (Laplace)."""
-    evidence = np.array([laplace_log_evidence(*_quadratic(minimum)) for minimum in minima])
+def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> list[Minimum]:
+    """Minima that carry posterior weight (Laplace), the one that carries most first."""
+    evidence = np.array([_evidence(minimum) for minimum in minima])
     weights = mode_weights(evidence)
-    kept = [i for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_weight]
-    return [minima[i] for i in kept], evidence[kept]
+    return [minima[i] for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_weight]
 
 
 def _refine_all(
     problem: Problem | JointProblem, dynamic: Problem, minima: tuple[Minimum, ...], known: Mapping[str, float]
 ) -> tuple[Problem | JointProblem, tuple[Minimum, ...]]:
     """Free the calibrated parameters as well, starting from the plausible minima of the searched ones."""
-    candidates, _ = _plausible(minima, WEIGHT_BEFORE_FREEING)
+    candidates = _plausible(minima, WEIGHT_BEFORE_FREEING)
     values = dynamic.space.from_unit(np.stack([minimum.point for minimum in candidates]))
     columns = [
         values[:, dynamic.space.index(name)] if name in dynamic.space.names else np.full(len(values), known[name])
@@ -220,15 +219,15 @@ def _sample(
     path: Path | None,
     progress: Progress,
 ) -> tuple[Mode, ...]:
-    plausible, _ = _plausible(minima, settings.least_weight)
+    plausible = _plausible(minima, settings.least_weight)
     spreads = []
     for minimum in plausible[: settings.most_modes]:
         local = problem.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
-        wide, narrow = (spread_problem(local, minimum.point, with_gap) for with_gap in (True, False))
+        wide, narrow = spread_problems(local, minimum.point)
         # where noise and gap weaken the likelihood, the priors of the stages move the minimum
         (moved, *_) = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))
         spreads.append((moved, wide, narrow))
-    spreads.sort(key=lambda spread: -laplace_log_evidence(*_quadratic(spread[0])))
+    spreads.sort(key=lambda spread: -_evidence(spread[0]))
     values, centres = [m.value for m, _, _ in spreads], np.stack([m.point for m, _, _ in spreads])
     covariances = np.stack([laplace_covariance(m.hessian) for m, _, _ in spreads])
     sampled = []
@@ -253,8 +252,8 @@ def _sample(
     return tuple(replace(mode, weight=float(weight)) for mode, weight in zip(sampled, weights, strict=True))
 
 
-def _quadratic(minimum: Minimum) -> tuple[float, Array, Array, Array]:
-    return minimum.value, minimum.hessian, minimum.point, minimum.gradient
+def _evidence(minimum: Minimum) -> float:
+    return laplace_log_evidence(minimum.value, minimum.hessian, minimum.point, minimum.gradient)
 
 
 def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:

@@ -71,9 +71,18 @@ class SpreadProblem:
         return shape * self.adjustment.precision + self.problem.prior_precision
 
 
-def spread_problem(problem: Problem | JointProblem, point: Array, with_gap: bool = True) -> SpreadProblem:
-    """The problem around a minimum (d,), with noise alone or with noise and gap."""
+def spread_problems(problem: Problem | JointProblem, point: Array) -> tuple[SpreadProblem, SpreadProblem]:
+    """The problem around a minimum (d,), with noise and gap, and with noise alone."""
     found = score(problem, point)
-    adjustment = adjust(found, point, with_gap)
     offset = -float(problem.log_posterior(point[None])[0]) - float(problem.prior_value(point[None])[0])
-    return SpreadProblem(problem, adjustment, offset, float(problem.squares(point[None])[0]), found.gap_squares)
+    squares = float(problem.squares(point[None])[0])
+    wide, narrow = (
+        SpreadProblem(problem, adjust(found, point, with_gap), offset, squares, found.gap_squares)
+        for with_gap in (True, False)
+    )
+    return wide, narrow
+
+
+def spread_problem(problem: Problem | JointProblem, point: Array) -> SpreadProblem:
+    """The problem around a minimum (d,), with noise and gap."""
+    return spread_problems(problem, point)[0]

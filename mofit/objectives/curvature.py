@@ -73,7 +73,7 @@ class Score:
 
 
 def join_scores(scores: list[Score]) -> Score:
-    """All tests of several problems; only the first one's gap counts."""
+    """All tests of several problems; freedom and size of the gap are the first one's."""
 
     def together(name: str) -> Array:
         return np.concatenate([getattr(score, name) for score in scores])

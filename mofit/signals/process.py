@@ -8,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from mofit.signals.autoregressive import autoregressive_spectrum
 from mofit.signals.waveform import periodic_fit
 
 Array = NDArray[np.float64]
 
-#: Half the bins that a spectral estimate averages over, to begin with: so many, and this share of the frequency.
-_FEWEST, _SHARE = 6, 0.25
-#: Means of two windows agree within so many standard errors of the smaller one. Little: a window too wide costs
-#: calibration where the noise is coloured, one too narrow only degrees of freedom.
-_AGREES = 0.6
 #: Harmonics that are looked at for what repeats.
 _HARMONICS = 10
 
@@ -81,8 +77,8 @@ def noise_process(residual: Array, signal: Array, time: Array, period: float | N
 
     What repeats from period to period is taken out of the residual (`periodic_fit`); what is left is noise, coloured or
     not. Its level follows the signal, :math:`g^2 = a + b |y| + c y^2` with a, b, c not negative (least squares); its
-    spectrum is the periodogram of e / g averaged over neighbouring bins, those of the period left out. Records that do
-    not repeat count the whole residual as noise.
+    spectrum is that of an autoregressive process, fitted to the periodogram of e / g with the bins of the period left
+    out. Records that do not repeat count the whole residual as noise.
 
     Parameters
     ----------
@@ -96,11 +92,8 @@ def noise_process(residual: Array, signal: Array, time: Array, period: float | N
     periods = count * step / period if period else 0.0
     noise = residual - residual.mean()
     lines = np.empty(0, dtype=np.int64)
-    scale = 1.0
     if period and periods >= 1.99:
-        repeats, used = periodic_fit(time, residual, period)
-        # what repeats at high frequencies is noise that the period cannot tell from it
-        noise, scale = residual - repeats, count / (count - used)
+        noise = residual - periodic_fit(time, residual, period)[0]
         lines = np.unique(np.round(periods * np.arange(1, _HARMONICS + 1)).astype(np.int64))
         lines = lines[lines < count // 2]
     level = _level(noise, signal)
@@ -110,8 +103,7 @@ def noise_process(residual: Array, signal: Array, time: Array, period: float | N
     if len(lines):
         every = np.unique(np.round(periods * np.arange(1, int(len(power) / periods) + 1)).astype(np.int64))
         known[every[every < len(power)]] = False
-        scale = 1.0 if known.sum() > 4 else scale
-    spectrum, freedom = _smoothed(power * scale, known, int(np.ceil(periods)))
+    spectrum, freedom = autoregressive_spectrum(power, known, count)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
     return NoiseProcess(level, spectrum, freedom, lines, whole[lines])
 
@@ -127,30 +119,3 @@ def _level(noise: Array, signal: Array) -> Array:
         variance = np.maximum(terms @ coefficients, 1e-2)
         weight = 1 / variance
     return np.asarray(np.sqrt(variance / np.mean(variance)))
-
-
-def _smoothed(power: Array, known: NDArray[np.bool_], periods: int) -> tuple[Array, Array]:
-    """Mean of the known bins around every bin, and its degrees of freedom.
-
-    As many bins as show the same level: the window is doubled as long as its mean agrees with those of all smaller ones
-    (Lepski's method). A white spectrum is averaged whole.
-    """
-    index = np.arange(len(power))
-    sums = np.concatenate([[0.0], np.cumsum(np.where(known, power, 0.0))])
-    counts = np.concatenate([[0], np.cumsum(known)])
-    half = np.maximum(max(_FEWEST, periods), (_SHARE * index).astype(int))
-    low_end, high_end = np.zeros(len(power)), np.full(len(power), np.inf)
-    spectrum, freedom = np.zeros(len(power)), np.zeros(len(power))
-    growing = np.ones(len(power), dtype=bool)
-    while growing.any():
-        low, high = np.maximum(index - half, 0), np.minimum(index + half + 1, len(power))
-        number = np.maximum(counts[high] - counts[low], 1)
-        mean = (sums[high] - sums[low]) / number
-        growing &= (mean >= low_end) & (mean <= high_end)
-        spectrum[growing], freedom[growing] = mean[growing], 2.0 * number[growing]
-        scatter = _AGREES / np.sqrt(number)
-        low_end, high_end = np.maximum(low_end, mean * (1 - scatter)), np.minimum(high_end, mean * (1 + scatter))
-        if np.all(half >= len(power)):
-            break
-        half = 2 * half
-    return np.maximum(spectrum, np.finfo(float).tiny), np.maximum(freedom, 2.0)

@@ -11,7 +11,7 @@ from mofit.posing import choose_tests, dynamic_problem
 from mofit.refine import merge, refine
 from mofit.score import score
 from mofit.settings import Settings, free_space
-from mofit.spread import spread_problem
+from mofit.spread import spread_problem, spread_problems
 
 
 @pytest.fixture(scope="module")
@@ -28,10 +28,10 @@ def fitted():
     return problem, merge(refine(problem.evaluate, point[None]))[0].point
 
 
-@pytest.mark.parametrize("with_gap", [False, True])
-def test_derivatives(fitted, with_gap):
+@pytest.mark.parametrize("number", [0, 1], ids=["with gap", "noise alone"])
+def test_derivatives(fitted, number):
     problem, point = fitted
-    wide = spread_problem(problem, point, with_gap)
+    wide = spread_problems(problem, point)[number]
     u = point + 0.002 * np.array([[1.0, -1.0, 0.5], [-0.5, 0.3, 1.0]])
     value, gradient, hessian = wide.evaluate(u)
     np.testing.assert_allclose(value, -wide.log_posterior(u), rtol=1e-12)
@@ -44,10 +44,8 @@ def test_derivatives(fitted, with_gap):
 
 def test_hidden_spectrum_is_a_gap_that_widens_the_posterior(fitted):
     problem, point = fitted
-    widths = [
-        np.sqrt(np.diag(np.linalg.inv(spread_problem(problem, point, with_gap).hessian))) for with_gap in (False, True)
-    ]
-    assert np.all(widths[1] > 2 * widths[0])
+    wide, narrow = (np.sqrt(np.diag(np.linalg.inv(own.hessian))) for own in spread_problems(problem, point))
+    assert np.all(wide > 2 * narrow)
     found = score(problem, point)
     assert found.gap_squares[0] > 0
     assert found.gap_freedom == 2 * len(problem.tests) - 3
