@@ -41,7 +41,7 @@ class NichingSettings:
     """Ends this close are one minimum."""
     repel: float = 0.5
     """A polish this share of the exclusion radius from a known minimum is given up."""
-    unseen: float | None = 0.1
+    unseen: float | None = 0.01
     """No more points when the expected number of minima of the weighted mean not yet seen falls below this; None: go on
     to the end of the budget."""
     tight: float | None = None
