@@ -70,7 +70,8 @@ def test_budget_counts_values_and_gradients():
 
 
 def test_one_bowl_is_one_minimum_and_soon_done():
-    result = niching(*bowls(np.array([[0.31, 0.77]])), 2, np.random.default_rng(1), NichingSettings(tight=1e-7))
+    settings = NichingSettings(tight=1e-7, unseen=0.1)
+    result = niching(*bowls(np.array([[0.31, 0.77]])), 2, np.random.default_rng(1), settings)
     assert len(result.stored) == 1
     assert result.stored_points[0] == pytest.approx([0.31, 0.77], abs=1e-6)
     assert result.unseen < 0.1
