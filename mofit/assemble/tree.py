@@ -12,6 +12,7 @@ import xarray as xr
 from mofit import __version__
 from mofit.assemble.clusters import cluster_groups
 from mofit.assemble.comparison import baseline_groups, calibration_groups, per_frequency
+from mofit.assemble.mixture import mixture_groups
 from mofit.assemble.signals import constant_data, observed_data
 from mofit.outcome import Outcome
 from mofit.result import SCHEMA, quantity
@@ -36,6 +37,7 @@ def assemble(outcome: Outcome) -> xr.DataTree:
         **baseline_groups(outcome),
         **calibration_groups(outcome),
         **cluster_groups(outcome),
+        **mixture_groups(outcome),
     }
     return xr.DataTree.from_dict(groups)
 

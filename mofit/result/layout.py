@@ -55,6 +55,8 @@ CLUSTER = Group(
     attributes=("log_evidence", "weight", "log_posterior", "converged", "evaluations"),
 )
 SAMPLED = tuple("mean sd q05 q50 q95 ess r_hat tau contraction verdict".split())
+MIXTURE = Group(required=_over("parameter", "mean sd q05 q50 q95"))
+PROFILE = Group(required=_over("parameter point", "value nll"))
 SAMPLE_STATS = Group(required=_over("chain draw", "lp walker step"), attributes=("acceptance",))
 PER_FREQUENCY = Group(
     required=_over("test minimum parameter", "value") | _over("test minimum", "nrmsd"),
@@ -97,6 +99,7 @@ def _faults(tree: xr.DataTree) -> Iterator[Fault]:
         ("front", FRONT, False),
         ("per_frequency", PER_FREQUENCY, False),
         ("baseline", BASELINE, False),
+        ("mixture", MIXTURE, False),
         ("clusters", Group(), True),
         ("observed_data", Group(), True),
         ("constant_data", Group(), True),
@@ -160,6 +163,8 @@ def _check_cluster(node: xr.DataTree, path: str) -> Iterator[Fault]:
         yield from _check_group(node.children["sample_stats"], f"{path}/sample_stats", SAMPLE_STATS)
     else:
         yield Fault(f"group '{path}'", "it has a posterior but no 'sample_stats'", _CURE)
+    if "profile" in node.children:
+        yield from _check_group(node.children["profile"], f"{path}/profile", PROFILE)
 
 
 def _check_signals(tree: xr.DataTree) -> Iterator[Fault]:

@@ -8,10 +8,12 @@ from mofit.report.uncertainty.heterogeneity import heterogeneity_section
 from mofit.report.uncertainty.loops import loops_section
 from mofit.report.uncertainty.marginals import marginals_section
 from mofit.report.uncertainty.method import method_section
+from mofit.report.uncertainty.mixture import mixture_section
 from mofit.report.uncertainty.table import table_section
 
 UNCERTAINTY_SECTIONS = (
     table_section,
+    mixture_section,
     marginals_section,
     directions_section,
     corner_section,

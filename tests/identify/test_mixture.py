@@ -1,0 +1,71 @@
+"""Two solutions that the data can hardly tell apart: the run also holds both together, each with its weight."""
+
+import numpy as np
+import pytest
+
+import mofit
+from mofit.campaign import Campaign, Measurement, Procedure
+from mofit.model import Channel, Equations, Model
+from mofit.parameters import Parameter
+from mofit.report import build_uncertainty
+from mofit.result import check_result
+from mofit.settings import Settings
+
+
+class InclinedSpring(Model):
+    """F = k x + h phi^2 x^3 + e phi x^2: the sign of phi is next to invisible."""
+
+    name = "inclined_spring"
+    parameters = (Parameter("k", "N/m", 0.5, 2.0, 1.0), Parameter("phi", "rad", -1.0, 1.0, 0.1))
+    inputs = (Channel("displacement", "m"),)
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s):
+        x = s.displacement
+        return Equations(outputs={"force": s.k * x + 2.0 * s.phi**2 * x**3 + 0.002 * s.phi * x**2})
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    rng = np.random.default_rng(8)
+    tests = []
+    for frequency in (0.7, 1.5):
+        time = np.arange(0, 8 / frequency, 0.01)
+        x = np.sin(2 * np.pi * frequency * time)
+        force = 1.2 * x + 2.0 * 0.4**2 * x**3 + 0.002 * 0.4 * x**2 + 0.05 * rng.normal(size=len(x))
+        procedure = Procedure(f"sine_{frequency:g}Hz", "sine", time, {"displacement": x}, {}, frequency, 1.0)
+        tests.append(Measurement(procedure, {"force": force}, {"displacement": "m", "force": "N"}))
+    campaign = Campaign("spring", "simulated", {}, tuple(tests))
+    folder = tmp_path_factory.mktemp("runs") / "spring"
+    return mofit.identify(campaign, InclinedSpring(), Settings(seed=1, jobs=1), out=folder)
+
+
+def test_summary_is_that_of_the_weighted_solutions(run):
+    _, tree = run
+    clusters = tree["clusters"].children.values()
+    weights, means, sds = (
+        np.array([values(c) for c in clusters])
+        for values in (lambda c: c.attrs["weight"], lambda c: c["mean"].values, lambda c: c["sd"].values)
+    )
+    assert len(weights) == 2
+    mean = weights @ means
+    np.testing.assert_allclose(tree["mixture/mean"], mean, rtol=1e-9)
+    np.testing.assert_allclose(tree["mixture/sd"], np.sqrt(weights @ (sds**2 + (means - mean) ** 2)), rtol=1e-9)
+    low, high = tree["mixture/q05"].sel(parameter="phi"), tree["mixture/q95"].sel(parameter="phi")
+    assert low < -0.3
+    assert high > 0.3
+
+
+def test_draws_hold_each_solution_as_often_as_its_weight(run):
+    _, tree = run
+    solution = tree["mixture/sample_stats/solution"].values
+    weight = tree["clusters/c1"].attrs["weight"]
+    assert np.mean(solution == 1) == pytest.approx(weight, abs=5 * np.sqrt(weight * (1 - weight) / solution.size))
+    first, sign = solution == 1, np.sign(tree["clusters/c1/value"].sel(parameter="phi").item())
+    assert np.all(np.sign(tree["mixture/posterior/phi"].values[first]) == sign)
+    assert check_result(tree) == []
+
+
+def test_page_shows_all_solutions_together(run):
+    page = build_uncertainty(run[0]).read_text(encoding="utf-8")
+    assert '<section id="mixture"' in page
