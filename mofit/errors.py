@@ -58,6 +58,25 @@ def raise_errors(faults: Iterable[Fault]) -> None:
         raise InputError(errors)
 
 
+def check_settings(what: str, settings: object, checks: Iterable[tuple[str, bool, str]]) -> None:
+    """Raise one `InputError` with every setting that cannot be used, if there are any.
+
+    Parameters
+    ----------
+    what
+        Whose settings they are: "search", "sampler".
+    settings
+        Holds the values as attributes.
+    checks
+        Name of the attribute, whether its value can be used, and the cure if not.
+    """
+    raise_errors(
+        Fault(f"{what} setting '{name}'", f"{getattr(settings, name)!r} cannot be used", cure)
+        for name, fine, cure in checks
+        if not fine
+    )
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A cure for an unknown name: the closest known one, else the list of all."""
     known = sorted(known)

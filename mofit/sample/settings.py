@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mofit.errors import Fault, raise_errors
+from mofit.errors import check_settings
 
 
 @dataclass(frozen=True)
@@ -65,11 +65,7 @@ class SampleSettings:
                 "Give shares of which none is negative and not all are 0",
             ),
         ]
-        raise_errors(
-            Fault(f"sampler setting '{name}'", f"{getattr(self, name)!r} cannot be used", cure)
-            for name, fine, cure in checks
-            if not fine
-        )
+        check_settings("sampler", self, checks)
 
     def walkers_for(self, dimension: int) -> int:
         """Walkers per ensemble for d parameters: doubled until they are at least 2 d."""

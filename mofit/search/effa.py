@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
-from mofit.errors import Fault, InputError, raise_errors
+from mofit.errors import InputError, check_settings
 from mofit.parameters import Array
 from mofit.search.clusters import Clustering, cluster, one_cluster
 from mofit.search.front import nondominated
@@ -52,11 +52,7 @@ class EffaSettings:
             ("delta", 0 < self.delta <= 1, "Give a value in (0, 1]"),
             ("start", self.start in ("sobol", "uniform"), "Use 'sobol' or 'uniform'"),
         ]
-        raise_errors(
-            Fault(f"search setting '{name}'", f"{getattr(self, name)!r} cannot be used", cure)
-            for name, fine, cure in checks
-            if not fine
-        )
+        check_settings("search", self, checks)
 
 
 PAPER = EffaSettings(mend_best=False, start="uniform")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
-from mofit.errors import Fault, InputError, raise_errors
+from mofit.errors import InputError, check_settings
 from mofit.parameters import Array
 from mofit.search.basins import archive
 from mofit.search.compromise import compromises
@@ -64,11 +64,7 @@ class NichingSettings:
             ("alone", 0 <= self.alone < 1, "Give a share in [0, 1)"),
             ("compromise", 0 <= self.compromise < 1, "Give a share in [0, 1)"),
         ]
-        raise_errors(
-            Fault(f"search setting '{name}'", f"{getattr(self, name)!r} cannot be used", cure)
-            for name, fine, cure in checks
-            if not fine
-        )
+        check_settings("search", self, checks)
 
     def kept_back(self, objectives: int) -> float:
         """Share of the budget that is not for the minima of the weighted mean."""
