@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from importlib import import_module
 from inspect import signature
+from pathlib import Path
 from typing import Any
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
 BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "pipeline")
+#: Those with figures, drawn by ``<name>_figures``.
+ILLUSTRATED = ("rastrigin",)
 
 
 def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
@@ -38,3 +41,12 @@ def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
     )
     rows, settings = run(**given)
     return {"rows": rows, "settings": settings}
+
+
+def draw_figures(name: str, folder: Path) -> dict[str, str]:
+    """Write the figures of a benchmark into a folder, made if it isn't there: file name to caption, {} without any."""
+    if name not in ILLUSTRATED:
+        return {}
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures: dict[str, str] = import_module(f"mofit.bench.{name}_figures").draw_figures(folder)
+    return pictures

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mofit.bench.rastrigin_figures import draw_figures
-
 
 def headings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Every key of any row, in the order of first appearance."""
@@ -21,7 +19,7 @@ def cell(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def write_page(name: str, result: Mapping[str, Any], folder: Path) -> Path:
+def write_page(name: str, result: Mapping[str, Any], folder: Path, pictures: Mapping[str, str]) -> Path:
     """Write ``README.md`` into a folder.
 
     Parameters
@@ -32,10 +30,11 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path) -> Path:
         Its ``rows`` and ``settings``.
     folder
         Made if it isn't there.
+    pictures
+        File name in the folder to caption.
     """
     columns = headings(result["rows"])
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = draw_figures(folder) if name == "rastrigin" else {}
     options = "".join(f" --{key} {result['settings'][key]}" for key in ("runs", "seed") if key in result["settings"])
     lines = [
         f"# Benchmark: {name}",

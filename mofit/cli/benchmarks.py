@@ -33,13 +33,13 @@ def bench(
     report
         Folder to write the table into, as README.md, with the benchmark's figures.
     """
-    from mofit.bench import run_benchmark
+    from mofit.bench import draw_figures, run_benchmark
     from mofit.bench.page import write_page
     from mofit.terminal import show_table
 
     result = run_benchmark(name, runs=runs, seed=seed, jobs=jobs)
     if report is not None:
-        write_page(name, result, report)
+        write_page(name, result, report, draw_figures(name, report))
     if as_json:
         print_json(result)
     else:
