@@ -87,6 +87,16 @@ def test_a_good_campaign_passes_the_check(rig, capsys):
     assert isinstance(json.loads(capsys.readouterr().out)["faults"], list)
 
 
+def test_commands_that_draw_nothing_import_no_matplotlib(rig):
+    script = (
+        f"import sys; from mofit.cli import main; main(['check', {str(rig)!r}])\n"
+        "import mofit.campaign_file, mofit.readers, mofit.simulate, mofit.terminal, mofit.bench.page\n"
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_identify_prints_one_json_object_and_nothing_else(rig, gain, empty, capsys):
     assert main(["identify", str(rig), "--model", gain, "--json", "--jobs", "1"]) == 0
     summary = json.loads(capsys.readouterr().out)
