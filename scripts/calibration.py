@@ -14,10 +14,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib
@@ -34,11 +32,11 @@ from mofit.identify import sampled_modes
 from mofit.model import Channel, Equations, Model
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.settings import Settings
+from report_header import header, versions
 
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee")
 NOISES = ("white", "autoregressive", "level")
 LEVELS = (0.5, 0.8, 0.9, 0.95)
 DRAWS, BINS = 99, 20
@@ -198,16 +196,13 @@ def draw(results: dict, folder: Path) -> None:
 def page(results: dict, arguments: argparse.Namespace) -> str:
     """The tables as Markdown."""
     head = ["campaigns", "parameter", *(f"{100 * level:g} %" for level in LEVELS), "p of ranks", "converged"]
+    errors = ", ".join(f"{100 * np.sqrt(v * (1 - v) / arguments.campaigns):.1f}" for v in LEVELS)
+    note = (
+        f"Coverage in % of the central intervals; its standard error is {errors} points at the four levels. "
+        f"p: chi-square test of the ranks in {BINS} bins."
+    )
     lines = [
-        "# Calibration of the posterior",
-        "",
-        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
-        "",
-        f"Written by `python scripts/calibration.py --campaigns {arguments.campaigns}`. Coverage in % of the central "
-        "intervals; its standard error is "
-        + ", ".join(f"{100 * np.sqrt(v * (1 - v) / arguments.campaigns):.1f}" for v in LEVELS)
-        + f" points at the four levels. p: chi-square test of the ranks in {BINS} bins.",
-        "",
+        *header("Calibration of the posterior", __doc__, f"calibration.py --campaigns {arguments.campaigns}", note),
         f"| {' | '.join(head)} |",
         "|---" * len(head) + "|",
     ]
@@ -230,8 +225,7 @@ def page(results: dict, arguments: argparse.Namespace) -> str:
         "![Ranks of the truth among the draws; grey: 99 % of chance](ranks.png)",
         "",
     ]
-    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    return "\n".join([*lines, f"Python {platform.python_version()}, {libraries}.", ""])
+    return "\n".join([*lines, versions(), ""])
 
 
 def main() -> None:

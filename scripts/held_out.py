@@ -13,10 +13,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +27,7 @@ from mofit.problem import build_problem
 from mofit.settings import Settings
 from mofit.simulate import run_plan
 from mofit.simulate.plan import read_plan
+from report_header import header, versions
 
 Array = NDArray[np.float64]
 
@@ -83,14 +82,12 @@ def run(work: Path, seed: int, test: str) -> dict:
 
 def page(rows: list[dict], arguments: argparse.Namespace) -> str:
     """The table as Markdown."""
+    title, command = "Predictions at frequencies that were left out", f"held_out.py --campaigns {arguments.campaigns}"
+    note = (
+        "Coverage of the 90 % intervals in %, their mean width beside it (amplitude: % of the amplitude; phase: mrad)."
+    )
     lines = [
-        "# Predictions at frequencies that were left out",
-        "",
-        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
-        "",
-        f"Written by `python scripts/held_out.py --campaigns {arguments.campaigns}`. Coverage of the 90 % intervals "
-        "in %, their mean width beside it (amplitude: % of the amplitude; phase: mrad).",
-        "",
+        *header(title, __doc__, command, note),
         "| left out | predictions | plain: amplitude | phase | gap-aware: amplitude | phase |",
         "|---|---|---|---|---|---|",
     ]
@@ -112,17 +109,8 @@ def page(rows: list[dict], arguments: argparse.Namespace) -> str:
         100 * np.mean([[row[f"{name}_amplitude"], row[f"{name}_phase"]] for row in rows])
         for name in ("plain", "gap_aware")
     ]
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "casadi", "llvmlite", "emcee"))
-    return "\n".join(
-        [
-            *lines,
-            "",
-            f"Amplitude and phase together: plain {both[0]:.0f} %, gap-aware {both[1]:.0f} %.",
-            "",
-            f"Python {platform.python_version()}, {libraries}.",
-            "",
-        ]
-    )
+    together = f"Amplitude and phase together: plain {both[0]:.0f} %, gap-aware {both[1]:.0f} %."
+    return "\n".join([*lines, "", together, "", versions(), ""])
 
 
 def main() -> None:

@@ -10,10 +10,7 @@ work folder are taken as they are, so an interrupted study goes on where it was;
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import shutil
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +24,11 @@ from mofit.readers import import_files
 from mofit.result import open_result
 from mofit.settings import Settings
 from mofit.summary import summary
+from report_header import header, versions
 
 ROOT = Path(__file__).resolve().parents[1]
 CURRENTS = {"0A": "0 A", "0x5A": "0.5 A"}
 DAMPERS = ("kelvin_voigt_damper", "maxwell_damper", "bouc_wen_damper")
-LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee")
 
 
 def run(campaign: Campaign, model: str, folder: Path, seed: int, tests: tuple[str, ...] = ()) -> dict:
@@ -146,20 +143,13 @@ def main() -> None:
     if options.redo and options.work.exists():
         shutil.rmtree(options.work)
     options.work.mkdir(parents=True, exist_ok=True)
-    versions = {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()}
     target = ROOT / "reports" / "measured"
     target.mkdir(parents=True, exist_ok=True)
     for name, study in STUDIES.items():
         if options.only not in (None, name):
             continue
-        head = [
-            f"# Measured data: {name}",
-            "",
-            f"Made by `python scripts/measured_data.py --only {name} --seed {options.seed}`",
-            f"with {json.dumps(versions)}.",
-            "Source, licence and traps of the data are told in the import maps under `data/maps/`.",
-            "",
-        ]
+        note = f"{versions()}\nSource, licence and traps of the data are told in the import maps under `data/maps/`."
+        head = header(f"Measured data: {name}", __doc__, f"measured_data.py --only {name} --seed {options.seed}", note)
         page = target / f"{name}.md"
         page.write_text("\n".join(head + study(options.data, options.work, options.seed)))
         print(page.relative_to(ROOT), flush=True)

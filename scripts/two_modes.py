@@ -13,10 +13,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +25,11 @@ from mofit.identify import sampled_modes
 from mofit.model import Channel, Equations, Model
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.settings import Settings
+from report_header import header, versions
 
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee")
 STANDARD_DEVIATIONS = 5.0
 
 
@@ -156,12 +154,7 @@ def run(case: str, work: Path, search: str, seed: int) -> dict:
 def page(rows: list[dict], arguments: argparse.Namespace) -> str:
     """The table as Markdown."""
     lines = [
-        "# Two modes",
-        "",
-        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
-        "",
-        f"Written by `python scripts/two_modes.py --seeds {arguments.seeds} --search {arguments.search}`.",
-        "",
+        *header("Two modes", __doc__, f"two_modes.py --seeds {arguments.seeds} --search {arguments.search}"),
         "| campaign | runs | both modes reported | one | none | more than two solutions | converged |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -171,8 +164,7 @@ def page(rows: list[dict], arguments: argparse.Namespace) -> str:
         spare = sum(row["solutions"] > 2 for row in own)
         sure = sum(row["converged"] for row in own)
         lines.append(f"| {case} | {len(own)} | {' | '.join(map(str, counts))} | {spare} | {sure} |")
-    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    return "\n".join([*lines, "", f"Python {platform.python_version()}, {libraries}.", ""])
+    return "\n".join([*lines, "", versions(), ""])
 
 
 def main() -> None:
