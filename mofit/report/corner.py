@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ _LEVELS = (0.95, 0.68, 0.39)
 """Shares of the draws inside the shaded regions: two, 1.5 and one sigma of a Gaussian in two dimensions, rounded."""
 
 _GAP = 0.06
+
+_LONGEST = 10
+"""Characters of a tick that fit left of a row."""
 
 
 @dataclass(frozen=True)
@@ -141,11 +145,12 @@ def _coefficient(axes: Axes, r: float, x: int, y: int, d: int) -> None:
 def _labels(axes: Axes, corner: Corner, k: int, ticks: tuple[float, float], d: int) -> None:
     """Name and 5 % and 95 % marks of one parameter, under its column and left of its row."""
     name, unit = math_symbol(corner.parameters[k]), corner.units[k]
-    label = name if unit == "1" else f"{name} ({unit})"
+    texts, beyond_median = tick_texts(*corner.quantiles[:, k])
+    quantity = f"{name} − median" if beyond_median else name
+    label = quantity if unit == "1" else f"{quantity} ({unit})"
     small = 7.0 if d > 6 else 8.0
     row = d - 1 - k
-    for place, value in zip(ticks, corner.quantiles[[0, 2], k], strict=True):
-        text = number(float(value))
+    for place, text in zip(ticks, texts, strict=True):
         axes.plot([k + _scale(place)] * 2, [-0.03, 0.03], color="#57606a", lw=0.8, clip_on=False)
         axes.text(
             k + _scale(place), -0.06, text, rotation=40, ha="right", va="top", rotation_mode="anchor", fontsize=small
@@ -154,6 +159,21 @@ def _labels(axes: Axes, corner: Corner, k: int, ticks: tuple[float, float], d: i
             axes.plot([-0.03, 0.03], [row + _scale(place)] * 2, color="#57606a", lw=0.8, clip_on=False)
             axes.text(-0.06, row + _scale(place), text, ha="right", va="center", fontsize=small)
     axes.text(k + 0.5, d - k + 0.02, label, ha="center", va="bottom", fontsize=small + 1.5, fontweight="bold")
+
+
+def tick_texts(low: float, median: float, high: float) -> tuple[tuple[str, str], bool]:
+    """Texts of the 5 and 95 % quantiles, with the digits that tell them apart: two of their distance, at least three.
+
+    Where that makes them too long to stand beside a row, they are distances from the median: the second value.
+    """
+    width = high - low
+    if not width > 0:
+        return (number(low), ""), False
+    digits = 2 + math.floor(math.log10(max(abs(low), abs(high)))) - math.floor(math.log10(width))
+    texts = number(low, max(3, digits)), number(high, max(3, digits))
+    if digits > 3 and max(map(len, texts)) > _LONGEST:
+        return (number(low - median, 2), number(high - median, 2)), True
+    return texts, False
 
 
 def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
@@ -170,8 +190,8 @@ def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
         f"Corner plot of the posterior of solution {cluster.name}",
         "Joint posterior of each pair of parameters: the shades hold 39, 68 and 95 % of the draws, the cross is "
         "the refined "
-        "minimum, ticks are the 5 and 95 % quantiles, numbers are correlations. Each axis is cut to the central 99 "
-        "% of the draws.",
+        "minimum, ticks are the 5 and 95 % quantiles (less the median where the name says so), numbers are "
+        "correlations. Each axis is cut to the central 99 % of the draws.",
         good="round, compact shapes with the cross in the darkest part.",
         bad="long thin ridges (parameters that can't be told apart), bananas, or shapes cut off by a bound.",
     )

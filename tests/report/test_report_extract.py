@@ -7,10 +7,12 @@ import pytest
 import result_trees
 import synthetic_rigs
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from mofit.report.convergence import extract_traces
-from mofit.report.corner import draw_corner, extract_corner
+from mofit.report.corner import draw_corner, extract_corner, tick_texts
 from mofit.report.error_per_test import draw_errors, extract_errors
 from mofit.report.front import extract_front
 from mofit.report.overlay import Overlay, extract_overlays
@@ -96,6 +98,32 @@ def test_corner_quantiles_and_its_picture(run) -> None:
     axes = draw_corner(corner, "#0072B2", Figure().add_subplot())
     texts = [text.get_text() for text in axes.texts]
     assert f"{corner.correlation[1, 0]:+.2f}".replace("-", "−") in texts
+
+
+@pytest.mark.parametrize(
+    ("quantiles", "texts", "beyond_median"),
+    [
+        ((5559.2, 6663.8, 7859.0), ("5\u202f560", "7\u202f860"), False),
+        ((3096.96, 3100.15, 3103.26), ("3\u202f097.0", "3\u202f103.3"), False),
+        ((0.1296040, 0.1300048, 0.1303891), ("0.12960", "0.13039"), False),
+        ((-1e-3, 0.0, 2.0), ("−0.00100", "2.00"), False),
+        ((31e3 - 4e-4, 31e3, 31e3 + 5e-4), ("−0.00040", "0.00050"), True),
+        ((1.23456e-6, 1.23457e-6, 1.23458e-6), ("−1.0×10⁻¹¹", "1.0×10⁻¹¹"), True),
+        ((7.0, 7.0, 7.0), ("7.00", ""), False),
+    ],
+)
+def test_corner_ticks_have_the_digits_that_tell_them_apart(quantiles, texts, beyond_median) -> None:
+    assert tick_texts(*quantiles) == (texts, beyond_median)
+
+
+@given(
+    st.floats(-1e9, 1e9).filter(lambda x: x == 0 or abs(x) > 1e-12),
+    st.floats(1e-12, 1e3),
+)
+def test_corner_ticks_differ(low, relative) -> None:
+    width = relative * max(abs(low), 1e-6)
+    (first, second), _ = tick_texts(low, low + 0.3 * width, low + width)
+    assert first != second
 
 
 def test_corner_regions_hold_their_share_of_the_draws(run) -> None:
