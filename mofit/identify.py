@@ -233,6 +233,8 @@ def _sample(
     sampled = []
     for index, (minimum, wide, narrow) in enumerate(spreads):
         name, covariance = f"c{index + 1}", covariances[index]
+        sd = np.sqrt(np.diag(covariance))
+        wide = wide.around(minimum.point, sd)
         belongs = cell(index, values, centres, covariances)
         own = restricted(wide.log_posterior, belongs) if len(spreads) > 1 else wide.log_posterior
         chains = sample_mode(
@@ -246,7 +248,7 @@ def _sample(
             progress=partial(_relay, progress, f"sample mode {index + 1} of {len(spreads)}"),
         )
         evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
-        spread = profile(wide, minimum.point, np.sqrt(np.diag(covariance)))
+        spread = profile(wide, minimum.point, sd)
         sampled.append(Mode(name, minimum, narrow.hessian, wide.gap_squares, evidence, 1.0, chains, spread))
     weights = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, weight=float(weight)) for mode, weight in zip(sampled, weights, strict=True))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.few_steps import in_few_steps
 from mofit.joint import JointProblem
 from mofit.objectives import Adjustment, adjust
 from mofit.problem import Problem
@@ -63,6 +64,10 @@ class SpreadProblem:
             gradient + self.problem.prior_gradient(u),
             hessian + self.problem.prior_precision,
         )
+
+    def around(self, point: Array, spread: Array) -> SpreadProblem:
+        """The same, quicker to evaluate around a point (d,) with standard deviations (d,); see `in_few_steps`."""
+        return replace(self, problem=in_few_steps(self.problem, point, spread))
 
     @property
     def hessian(self) -> Array:

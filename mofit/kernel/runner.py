@@ -90,6 +90,12 @@ class Runner:
         other._switches = [self._switches[i] for i in index]
         return other
 
+    def renamed(self, drives: Sequence[Drive]) -> Runner:
+        """The same with other drives that differ in their measured outputs only."""
+        other = copy.copy(self)
+        other.drives = tuple(drives)
+        return other
+
     def _shape(self, derivatives: bool) -> Shape:
         return Shape(len(self.system.states), len(self.system.outputs), len(self.free), derivatives)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +85,20 @@ class Simulator:
         other = copy.copy(self)
         other.tolerance = self.tolerance if tolerance is None else tolerance
         other._stepping = self._stepping.within(box, other.tolerance)
+        return other
+
+    def with_steps(self, steps: int) -> Simulator:
+        """The same with a fixed number of Runge-Kutta steps per sampling interval; code is shared."""
+        other = copy.copy(self)
+        other._stepping = self._stepping.fixed(steps)
+        return other
+
+    def with_measured(self, outputs: Sequence[Array]) -> Simulator:
+        """The same held against other outputs, shape (n, ny) per test; code is shared."""
+        other = copy.copy(self)
+        other.drives = tuple(replace(drive, measured=y) for drive, y in zip(self.drives, outputs, strict=True))
+        other._runner = self._runner.renamed(other.drives)
+        other._stepping = self._stepping.renamed(self.drives, other.drives)
         return other
 
     @property

@@ -59,6 +59,18 @@ class Stepping:
         other._tolerance, other._box, other._calibrated, other._remembered = tolerance, box, None, OrderedDict()
         return other
 
+    def fixed(self, steps: int) -> Stepping:
+        """The same with a fixed number of explicit steps."""
+        other = copy.copy(self)
+        other._fixed = steps
+        return other
+
+    def renamed(self, drives: Sequence[Drive], others: Sequence[Drive]) -> Stepping:
+        """The same for other drives that are integrated like these."""
+        other = copy.copy(self)
+        other._drives = self._drives | {new: self._drives[old] for old, new in zip(drives, others, strict=True)}
+        return other
+
     def rules(self, drives: Sequence[Drive]) -> list[Rule]:
         """The rule of each test; none if there is no box to calibrate in."""
         if self._fixed:

@@ -1,11 +1,14 @@
 """The posterior that is sampled: derivatives, and what it makes of colour and gap."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mofit.bundled import bundled_campaign
 from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign_file import read_campaign
+from mofit.few_steps import in_few_steps
 from mofit.library import find_model
 from mofit.posing import choose_tests, dynamic_problem
 from mofit.refine import merge, refine
@@ -56,3 +59,25 @@ def test_log_posterior_is_the_problems_own_at_the_minimum(fitted):
     wide = spread_problem(problem, point)
     assert wide.log_posterior(point[None]) == pytest.approx(problem.log_posterior(point[None]))
     assert wide.log_posterior(np.full((1, 3), 1.5))[0] == -np.inf
+
+
+def test_few_steps_say_what_many_do(fitted):
+    """Coarse integration, made right at the minimum, gives the same posterior around it."""
+    problem, point = fitted
+    covariance = np.linalg.inv(spread_problem(problem, point).hessian)
+    sd = np.sqrt(np.diag(covariance))
+    wide = spread_problem(problem.near(point[None], sd), point)
+    quick = wide.around(point, sd)
+    many, few = (own.problem.simulator.rules for own in (wide, quick))
+    assert max(rule.rungs[0].steps for rule in few) < max(rule.rungs[0].steps for rule in many)
+    u = np.clip(np.random.default_rng(2).multivariate_normal(point, 2 * covariance, 40), 0, 1)
+    np.testing.assert_allclose(quick.log_posterior(u), wide.log_posterior(u), atol=0.02)
+    assert quick.log_posterior(point[None])[0] == pytest.approx(wide.log_posterior(point[None])[0], abs=1e-9)
+
+
+def test_few_steps_are_refused_where_their_fault_varies(fitted):
+    problem, point = fitted
+    values = problem.full(point[None])[0]
+    box = np.sort([0.9 * values, 1.1 * values], axis=0)
+    strict = replace(problem, simulator=problem.simulator.within((box[0], box[1]), 1e-8))
+    assert in_few_steps(strict, point, np.full(3, 0.02)) is strict
