@@ -109,7 +109,11 @@ def noise_process(residual: Array, signal: Array, time: Array, period: float | N
 
 
 def _level(noise: Array, signal: Array) -> Array:
-    """Standard deviation over the samples, relative to its root mean square."""
+    """Standard deviation over the samples, relative to its root mean square.
+
+    Constant and dependent on the signal are averaged with Akaike's weights, the likelihood of coloured noise being
+    worth less: without that, chance would make noise grow with the signal, since it cannot make it shrink.
+    """
     size = np.abs(signal) / max(float(np.max(np.abs(signal))), np.finfo(float).tiny)
     squares = noise**2 / max(float(np.mean(noise**2)), np.finfo(float).tiny)
     terms = np.stack([np.ones_like(size), size, size**2], axis=1)
@@ -118,4 +122,10 @@ def _level(noise: Array, signal: Array) -> Array:
         coefficients, _ = nnls(terms * weight[:, None], squares * weight)
         variance = np.maximum(terms @ coefficients, 1e-2)
         weight = 1 / variance
-    return np.asarray(np.sqrt(variance / np.mean(variance)))
+    variance /= np.mean(variance)
+    power = np.abs(np.fft.rfft(noise)) ** 2
+    independent = len(noise) * float(np.mean(power)) ** 2 / max(float(np.mean(power**2)), np.finfo(float).tiny)
+    # of white noise that is n / 2, for the mean square of a flat periodogram is twice its squared mean
+    gain = min(independent, len(noise) / 2) * float(np.mean(squares - np.log(variance) - squares / variance))
+    dependent = 1 / (1 + np.exp(np.clip(2 - gain, -50, 50)))
+    return np.asarray(np.sqrt(1 - dependent + dependent * variance))
