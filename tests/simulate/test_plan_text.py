@@ -42,9 +42,19 @@ def test_any_text_and_number_survives(tmp_path_factory, title, name, number, con
         attributes={"a key": title, "number": 3},
         pause="30 s",
         tests=(
-            plans.TestPlan(name=f"m{name}", kind="multisine", sample_rate="100 Hz", amplitude=number, frequency="0.5 Hz",
-                     lines=(1, 3), periods=4.0, conditions=conditions),
-            plans.TestPlan(name=f"s{name}", kind="step", sample_rate=100.0, amplitude="-1 deg", ramp_rate=1.0, duration=2.0),
+            plans.TestPlan(
+                name=f"m{name}",
+                kind="multisine",
+                sample_rate="100 Hz",
+                amplitude=number,
+                frequency="0.5 Hz",
+                lines=(1, 3),
+                periods=4.0,
+                conditions=conditions,
+            ),
+            plans.TestPlan(
+                name=f"s{name}", kind="step", sample_rate=100.0, amplitude="-1 deg", ramp_rate=1.0, duration=2.0
+            ),
         ),
-    )  # fmt: skip
+    )
     assert read_back(plan, tmp_path_factory.mktemp("plans")) == plan
