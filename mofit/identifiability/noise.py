@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from mofit.signals import NoiseProcess
 
 Array = NDArray[np.float64]
 
+#: Correlations from sample to sample that are tried.
+_COEFFICIENTS = (0.5, 0.7, 0.8, 0.85, 0.9, 0.93, 0.96, 0.98, 0.99)
 #: Degrees of freedom of a spectrum that is known, not estimated.
 KNOWN = 1e9
 
@@ -67,6 +70,32 @@ def process(level: Array, spectrum: Array) -> NoiseProcess:
     """A known noise process: level (n,), and spectrum on the bins of the real FFT."""
     nothing = np.empty(0)
     return NoiseProcess(level, spectrum, np.full(len(spectrum), KNOWN), nothing.astype(np.int64), nothing)
+
+
+def channel_noise(found: Sequence[NoiseProcess], steps: Sequence[float]) -> ChannelNoise:
+    """Noise of a test that was not run, from that of others: white and autoregressive, as their mean spectrum has it.
+
+    Parameters
+    ----------
+    found
+        Noise of one output in every test.
+    steps
+        Their sampling intervals, s; correlations are given for the shortest.
+    """
+    step = min(steps)
+    bins = np.concatenate([np.arange(len(part.spectrum)) / part.count * step / own
+                           for part, own in zip(found, steps, strict=True)])  # fmt: skip
+    spectrum = np.concatenate([part.spectrum for part in found])
+    weights = np.concatenate([np.full(len(part.spectrum), 1 / len(part.spectrum)) for part in found]) / spectrum**2
+    best, sizes, coefficient = np.inf, np.array([np.average(spectrum), 0.0]), 0.9
+    for trial in _COEFFICIENTS:
+        coloured = (1 - trial**2) / np.abs(1 - trial * np.exp(-2j * np.pi * bins)) ** 2
+        terms = np.stack([np.ones_like(bins), coloured], axis=1) * np.sqrt(weights)[:, None]
+        answer, misfit = nnls(terms, spectrum * np.sqrt(weights))
+        if misfit < best:
+            best, sizes, coefficient = misfit, answer, float(trial)
+    white, coloured_sd = np.sqrt(sizes)
+    return ChannelNoise(sd=float(white), coloured_sd=float(coloured_sd), coefficient=coefficient)
 
 
 def together(parts: tuple[NoiseProcess, ...]) -> NoiseProcess:

@@ -18,11 +18,13 @@ from mofit.signals import Record, find_settled, settled_samples
 Array = NDArray[np.float64]
 
 
-def planned_drives(model: Model, procedures: Sequence[Procedure], values: Array, jobs: int = 1) -> tuple[Drive, ...]:
+def planned_drives(
+    model: Model, procedures: Sequence[Procedure], values: Array, jobs: int = 1, *, settled: bool = False
+) -> tuple[Drive, ...]:
     """Procedures as the kernel drives them; their outputs are simulated at ``values`` (p,), without noise.
 
     Transients are left out as the identification does: at least one period of a periodic test, and more where the
-    simulated output takes longer to settle.
+    simulated output takes longer to settle; with ``settled``, the first half of a test that does not repeat.
 
     Raises
     ------
@@ -36,10 +38,10 @@ def planned_drives(model: Model, procedures: Sequence[Procedure], values: Array,
     ]
     require(model, Campaign("planned", "simulated", {}, tuple(blank)))
     open_records = [_record(measurement, None) for measurement in blank]
-    drives = [to_drive(model, m, r, settled=False) for m, r in zip(blank, open_records, strict=True)]
+    drives = [to_drive(model, m, r, settled) for m, r in zip(blank, open_records, strict=True)]
     simulator = Simulator(build_system(model), drives, (), jobs=jobs, tolerance=1e-4, box=(values, values))
     found = []
-    for measurement, drive, outputs in zip(blank, drives, simulator.simulate(values[None]), strict=True):
+    for measurement, outputs in zip(blank, simulator.simulate(values[None]), strict=True):
         if not np.all(np.isfinite(outputs)):
             raise InputError.of(
                 f"test '{measurement.name}'",
@@ -49,12 +51,8 @@ def planned_drives(model: Model, procedures: Sequence[Procedure], values: Array,
         channels = {channel.name: outputs[0][:, i] for i, channel in enumerate(model.outputs)}
         simulated = replace(measurement, outputs=channels)
         record = _record(simulated, measurement.procedure.frequency)
-        found.append(replace(drive, **_judged(to_drive(model, simulated, record, settled=False))))
+        found.append(to_drive(model, simulated, record, settled))
     return tuple(found)
-
-
-def _judged(drive: Drive) -> dict[str, Array]:
-    return {"measured": drive.measured, "weights": drive.weights}
 
 
 def _record(measurement: Measurement, frequency: float | None) -> Record:
