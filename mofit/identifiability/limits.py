@@ -26,10 +26,11 @@ _SLACK = 1e-3
 class Reach:
     """Largest magnitudes that a test asks of the rig, or that the rig can give; infinite where not limited.
 
-    ``amplitude`` in the unit of the driven input, ``rate`` and ``acceleration`` per s and s², ``sample_rate`` in Hz,
+    ``channel`` is the driven input, ``amplitude`` in the unit of the driven input, ``rate`` and ``acceleration`` per s and s², ``sample_rate`` in Hz,
     ``duration`` in s, ``outputs`` by name.
     """
 
+    channel: str = ""
     amplitude: float = np.inf
     rate: float = np.inf
     acceleration: float = np.inf
@@ -52,20 +53,14 @@ def reach_of(limits: Limits, model: Model) -> Reach:
     InputError
         With every quantity of the wrong unit, every unknown output and every limit that is not above 0.
     """
-    _, unit = driven_input(model)
+    driven, unit = driven_input(model)
     outputs = {channel.name: channel.unit for channel in model.outputs}
     faults = [
         Fault("space, limits.outputs", f"model '{model.name}' has no output '{name}'", did_you_mean(name, outputs))
         for name in limits.outputs
         if name not in outputs
     ]
-    units = {
-        "amplitude": unit,
-        "rate": f"{unit}/s",
-        "acceleration": f"{unit}/s^2",
-        "sample_rate": "Hz",
-        "duration": "s",
-    }
+    units = _units(unit)
     own = {key: _positive(f"space, limits.{key}", getattr(limits, key), units[key], faults) for key in units}
     largest = {
         name: _positive(f"space, limits.outputs.{name}", value, outputs[name], faults)
@@ -73,7 +68,17 @@ def reach_of(limits: Limits, model: Model) -> Reach:
         if name in outputs
     }
     raise_errors(faults)
-    return Reach(**own, outputs=largest)
+    return Reach(driven, **own, outputs=largest)
+
+
+def _units(unit: str) -> dict[str, str]:
+    return {
+        "amplitude": unit,
+        "rate": f"{unit}/s",
+        "acceleration": f"{unit}/s^2",
+        "sample_rate": "Hz",
+        "duration": "s",
+    }
 
 
 def _positive(where: str, value: Quantity | None, unit: str, faults: list[Fault]) -> float:
@@ -105,6 +110,7 @@ def asked(procedure: Procedure, driven: str, measured: bool = False) -> Reach:
         curve = CubicSpline(time, values)
         rate, acceleration = curve(time, 1), curve(time, 2)
     return Reach(
+        channel=driven,
         amplitude=float(np.max(np.abs(values))),
         rate=float(np.max(np.abs(rate))),
         acceleration=float(np.max(np.abs(acceleration))),
@@ -115,13 +121,9 @@ def asked(procedure: Procedure, driven: str, measured: bool = False) -> Reach:
 
 def refusal(wanted: Reach, limit: Reach, unit: str) -> str:
     """Which limit a test breaks, in words with numbers; empty if none."""
-    units = {
-        "amplitude": unit,
-        "rate": f"{unit}/s",
-        "acceleration": f"{unit}/s^2",
-        "sample_rate": "Hz",
-        "duration": "s",
-    }
+    units = _units(unit)
+    if wanted.channel != limit.channel:  # a calibration stage's own input
+        units = {key: own for key, own in units.items() if key in ("sample_rate", "duration")}
     for key, own in units.items():
         need, can = getattr(wanted, key), getattr(limit, key)
         if need > can * (1 + _SLACK):
@@ -135,6 +137,7 @@ def refusal(wanted: Reach, limit: Reach, unit: str) -> str:
 def reach_shown(tests: Sequence[Reach]) -> Reach:
     """What a rig has shown that it can do: the largest of every kind. Durations and outputs stay open."""
     return Reach(
+        channel=tests[0].channel,
         amplitude=max(test.amplitude for test in tests),
         rate=max(test.rate for test in tests),
         acceleration=max((test.acceleration for test in tests if test.acceleration > 0), default=np.inf),
