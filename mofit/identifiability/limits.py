@@ -26,8 +26,8 @@ _SLACK = 1e-3
 class Reach:
     """Largest magnitudes that a test asks of the rig, or that the rig can give; infinite where not limited.
 
-    ``channel`` is the driven input, ``amplitude`` in the unit of the driven input, ``rate`` and ``acceleration`` per s and s², ``sample_rate`` in Hz,
-    ``duration`` in s, ``outputs`` by name.
+    ``channel`` is the driven input, ``amplitude`` in its unit, ``rate`` and ``acceleration`` per s and s²,
+    ``sample_rate`` in Hz, ``duration`` in s, ``outputs`` by name.
     """
 
     channel: str = ""

@@ -58,17 +58,20 @@ def group_of(model: Model, kind: str) -> int:
 
 @dataclass(frozen=True)
 class Statistics:
-    """H and J of tests in relative changes of the parameters, and the largest magnitude of each output.
+    """What tests tell in relative changes of the parameters, and the largest magnitude of each output.
 
     Parameters
     ----------
     values
         Shape (T, N, G, 2, d, d): test, parameter point, group, H or J.
+    information
+        Fisher information, (T, N, d, d).
     peaks
         Largest magnitude of each of the main model's outputs over the points, (T, outputs); nan for tests of a stage.
     """
 
     values: Array
+    information: Array
     peaks: Array
 
 
@@ -108,10 +111,11 @@ def statistics(
     every = groups(model)
     shape = (len(procedures), len(values), len(every), 2, len(names), len(names))
     found, peaks = np.zeros(shape), np.full((len(procedures), len(model.outputs)), np.nan)
+    information = np.zeros((*shape[:2], *shape[-2:]))
     places = np.array([group_of(model, procedure.kind) for procedure in procedures], dtype=int)
     for number, group in enumerate(every):
-        which = np.flatnonzero(places == number)
-        if not len(which):
+        which = np.flatnonzero(places == number).tolist()
+        if not which:
             continue
         own = [names.index(parameter.name) for parameter in group.model.parameters]
         tests = {i: _shortened(procedures[i], periods) for i in which}
@@ -127,6 +131,7 @@ def statistics(
             jobs,
             tolerance,
         )
+        own_square = np.ix_(np.array(own), np.array(own))
         scale = scales[:, own][:, :, None] * scales[:, own][:, None, :]
         alike = {key: [i for i in which if _key(tests[i]) == key] for key in different}
         for members, drive, test in zip(alike.values(), drives, told, strict=True):
@@ -134,12 +139,11 @@ def statistics(
             for place in members:
                 left_out = drive.samples - np.count_nonzero(drive.weights[:, 0])
                 more = (len(procedures[place].time) - left_out) / (drive.samples - left_out)
-                found[np.ix_([place], range(len(values)), [number], range(2), own, own)] = (
-                    more * own_values[None, :, None]
-                )
+                found[place, :, number][..., own_square[0], own_square[1]] = more * own_values
+                information[place][:, own_square[0], own_square[1]] = more * test.information * scale
                 if number == 0:
                     peaks[place] = [np.max(np.abs(outputs)) for outputs in test.outputs]
-    return Statistics(found, peaks)
+    return Statistics(found, information, peaks)
 
 
 def _shortened(procedure: Procedure, periods: int | None) -> Procedure:
