@@ -1,28 +1,17 @@
-r"""How far the estimates of an identification will scatter, predicted from tests that need not have been run.
-
-`mofit.identify` minimises weighted squares, so that its estimates do not reach the bound :math:`(\sum F_t + P)^{-1}`
-where tests differ in their noise's colour; they have the covariance
-
-.. math:: \left(H J^{-1} H + P\right)^{-1}, \qquad
-          H = \sum_t w_t S_t^T S_t, \quad J = \sum_t w_t^2 S_t^T \Sigma_t S_t
-
-(`mofit.objectives.curvature`), P being what the calibration stages know.
-"""
+"""The likelihood that an identification will see, from tests that need not have been run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit.identifiability.fisher import Sensitivity
 from mofit.objectives import Adjustment, Score, adjust
+from mofit.signals import NoiseProcess
 
 Array = NDArray[np.float64]
-
-#: Precision in the unit cube of a parameter that is uniform over its box.
-BOX_PRECISION = 12.0
 
 
 def expected_score(tests: Sequence[Sensitivity], point: int, stretch: Array) -> Score:
@@ -54,24 +43,5 @@ def expected_adjustment(tests: Sequence[Sensitivity], point: int, stretch: Array
     return adjust(expected_score(tests, point, stretch), centre, with_gap=False)
 
 
-def estimator_precision(tests: Sequence[Sensitivity], stretch: Array) -> Array:
-    """Precision of the estimate from these tests, (N, d, d) in the unit cube, from ``stretch`` (N, d); without a prior.
-
-    nan where a simulation fails.
-    """
-    dimension = stretch.shape[1]
-    found = np.full((len(stretch), dimension, dimension), np.nan)
-    for point, own in enumerate(stretch):
-        if all(np.isfinite(test.normal[point]).all() for test in tests):
-            found[point] = expected_adjustment(tests, point, own, np.zeros(dimension)).precision
-    return found
-
-
-def bound_precision(tests: Sequence[Sensitivity], stretch: Array) -> Array:
-    """Precision of the best estimate that these tests allow, (N, d, d) in the unit cube: the Fisher information."""
-    total = np.sum([test.information for test in tests], axis=0)
-    return np.asarray(total * stretch[:, :, None] * stretch[:, None, :])
-
-
-def _parts(tests: Sequence[Sensitivity], point: int):  # type: ignore[no-untyped-def]
+def _parts(tests: Sequence[Sensitivity], point: int) -> Iterator[NoiseProcess]:
     return (part for test in tests for own in test.noise for part in own[point])

@@ -1,0 +1,67 @@
+"""A comparison of procedures as a person sees it in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.table import Table
+
+from mofit.terminal import terminal_console
+
+_COLOURS = {
+    "identifiable": "green",
+    "only in a combination": "yellow",
+    "one-sided": "yellow",
+    "not identifiable": "red",
+}
+
+
+def show_comparison(told: Mapping[str, Any], mends: Sequence[str]) -> None:
+    """Procedures × parameters, then why.
+
+    Parameters
+    ----------
+    told
+        What ``--json`` prints.
+    mends
+        What would make parameters identifiable that no procedure identifies, in sentences.
+    """
+    out = terminal_console()
+    names = list(told["procedures"][0]["parameters"])
+    table = Table("procedure", box=SIMPLE, padding=(0, 1, 0, 0))
+    table.columns[0].no_wrap = True
+    table.add_column("time", justify="right")
+    for name in names:
+        table.add_column(f"{name}: sd", justify="right")
+        table.add_column("per min", justify="right")
+        table.add_column("verdict")
+    for row in told["procedures"]:
+        cells = [row["name"], f"{row['seconds']:.0f} s"]
+        for entry in row["parameters"].values():
+            colour, star = _COLOURS[entry["verdict"]], "*" if len(entry["verdicts"]) > 1 else ""
+            cells += [
+                f"{percent(entry['relative_sd'])}",
+                f"{percent(entry['relative_sd_after_60_s'])}",
+                f"[{colour}]{entry['verdict']}[/]{star}",
+            ]
+        table.add_row(*cells)
+    out.print(table)
+    values = ", ".join(f"{name} {told['values'][name]['value']:.4g} {told['values'][name]['unit']}" for name in names)
+    out.print(
+        f"Expected standard deviation in % of the value, median over {told['points']} parameter sets around {values}; "
+        "per min: after 60 s of the procedure. *: the verdict depends on the parameter set.",
+        highlight=False,
+    )
+    for row in told["procedures"]:
+        for entry in row["parameters"].values():
+            if entry["verdict"] != "identifiable":
+                out.print(f"{row['name']}: {entry['sentence']}", highlight=False)
+    for sentence in (*told["notes"], *mends):
+        out.print(sentence, highlight=False)
+
+
+def percent(value: float) -> str:
+    """A ratio in per cent, two digits."""
+    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"
