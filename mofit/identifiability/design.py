@@ -13,7 +13,7 @@ from mofit.errors import InputError
 from mofit.identifiability.candidates import Candidate
 from mofit.identifiability.criteria import Goal, box_precision, scales
 from mofit.identifiability.limits import Reach, refusal
-from mofit.identifiability.programme import Pool, Programme, best_programme
+from mofit.identifiability.programme import Pool, best_programme
 from mofit.identifiability.separate import Rivalry
 from mofit.identifiability.statistics import Statistics, precision, statistics
 from mofit.identifiability.telling import Told
@@ -128,7 +128,7 @@ def design(
     InputError
         If no candidate is left within the limits and the budget.
     """
-    frame = _Frame.of(told, goal, fresh)
+    frame = Frame.of(told, goal, fresh)
     progress("candidates", 0, len(candidates), f"{len(candidates)} tests at {len(told.values)} parameter sets")
     checked, found = _asked(frame, candidates, limit, jobs)
     seconds = np.array([candidate.seconds for candidate in checked])
@@ -139,7 +139,7 @@ def design(
             raise InputError.of("--budget", least, "Raise the budget, or offer shorter tests")
         raise InputError.of("space", f"the rig refuses every test: {checked[0].refused}", "Widen the space")
     # what is refused never fits
-    pool = Pool(frame.told_by(found), frame.start, np.where(usable, seconds, np.inf), frame.objective)
+    pool = frame.pool(found, np.where(usable, seconds, np.inf))
     pareto = []
     for share in SHARES:
         if np.any(pool.seconds <= share * budget):
@@ -181,9 +181,12 @@ def shown(goal: Goal | Rivalry, value: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Frame:
-    """Where all is judged, and in what scale: ``size`` (N, d) makes changes relative, ``factor`` (N, d, d) does so for
-    matrices in the unit cube; ``sums`` is what is known without candidates."""
+class Frame:
+    """Where all is judged, and in what scale.
+
+    ``size`` (N, d) makes changes relative, ``factor`` (N, d, d) does so for matrices in the unit cube; ``sums`` is what
+    is known without candidates, ``start`` what the goal looks at of it.
+    """
 
     told: Told
     goal: Goal | Rivalry
@@ -194,7 +197,8 @@ class _Frame:
     start: Array
 
     @classmethod
-    def of(cls, told: Told, goal: Goal | Rivalry, fresh: bool) -> _Frame:
+    def of(cls, told: Told, goal: Goal | Rivalry, fresh: bool) -> Frame:
+        """For a goal, on top of the tests of ``told``, or (``fresh``) of its calibration stages alone."""
         size = scales(told.source.space, told.values)
         ratio = size / told.stretch
         factor = ratio[:, :, None] * ratio[:, None, :]
@@ -212,6 +216,10 @@ class _Frame:
         """The goal, of such totals."""
         return self.goal(total) if isinstance(self.goal, Rivalry) else self.goal(precision(total) + self.box)
 
+    def pool(self, found: Statistics, seconds: Array) -> Pool:
+        """Tests that take so long, for the search."""
+        return Pool(self.told_by(found), self.start, seconds, self.objective)
+
     def spread(self, more: Array) -> Spread:
         """Expected spread with sums of some tests more, (N, G, 2, d, d)."""
         return spread(precision(self.sums + more) / self.factor, self.told.values, self.told.source.space)
@@ -226,7 +234,7 @@ class _Frame:
 
 
 def _asked(
-    frame: _Frame, tests: Sequence[Candidate], limit: Reach, jobs: int
+    frame: Frame, tests: Sequence[Candidate], limit: Reach, jobs: int
 ) -> tuple[tuple[Candidate, ...], Statistics]:
     """What the candidates tell (nothing, where refused), and them with what their outputs would be checked as well."""
     outputs = [channel.name for channel in frame.told.source.model.outputs]
@@ -234,8 +242,7 @@ def _asked(
     found = frame.ask([tests[i] for i in allowed], jobs, PERIODS)
     checked = list(tests)
     for i, peaks, information in zip(allowed, found.peaks, found.information, strict=True):
-        asked = Reach(**{key: 0.0 for key in ("amplitude", "rate", "acceleration", "sample_rate", "duration")},
-                      outputs=dict(zip(outputs, peaks, strict=True)))  # fmt: skip
+        asked = Reach(limit.channel, 0.0, 0.0, 0.0, 0.0, 0.0, dict(zip(outputs, peaks.tolist(), strict=True)))
         refused = refusal(asked, limit, "") if np.isfinite(information).all() else "the model gives no finite output"
         checked[i] = replace(tests[i], refused=refused)
 

@@ -127,10 +127,10 @@ def refusal(wanted: Reach, limit: Reach, unit: str) -> str:
     for key, own in units.items():
         need, can = getattr(wanted, key), getattr(limit, key)
         if need > can * (1 + _SLACK):
-            return f"{key.replace('_', ' ')} {need:.3g} {own}, limit {can:.3g}"
+            return f"{key.replace('_', ' ')}: {need:.3g} {own}, limit {can:.3g}"
     for name, need in wanted.outputs.items():
         if need > limit.outputs.get(name, np.inf) * (1 + _SLACK):
-            return f"{name.replace('_', ' ')} {need:.3g}, limit {limit.outputs[name]:.3g}"
+            return f"{name.replace('_', ' ')}: {need:.3g}, limit {limit.outputs[name]:.3g} (SI)"
     return ""
 
 

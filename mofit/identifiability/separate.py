@@ -26,9 +26,11 @@ from numpy.typing import NDArray
 
 from mofit.campaign import Procedure
 from mofit.errors import InputError
+from mofit.identifiability.criteria import box_precision, scales
 from mofit.identifiability.fisher import test_information
 from mofit.identifiability.noise import ChannelNoise
 from mofit.model import Effect, Model, with_effects
+from mofit.parameters import Parameter, ParameterSpace
 
 Array = NDArray[np.float64]
 
@@ -54,11 +56,12 @@ def strength(effect: Effect) -> tuple[str, ...]:
 
 def neutral_values(model: Model, effects: Sequence[Effect], values: Mapping[str, float]) -> dict[str, float]:
     """Values of all parameters of the model with effects that do not act: strengths neutral, the rest as given."""
-    found = {p.name: p.nominal for owner in (model, *effects) for p in owner.parameters} | dict(values)
+    parameters: list[Parameter] = [*model.parameters, *(p for effect in effects for p in effect.parameters)]
+    found = {p.name: p.nominal for p in parameters} | dict(values)
     return found | {p.name: p.neutral for effect in effects for p in effect.parameters if p.neutral is not None}
 
 
-def sizes(effects: Sequence[Effect], given: Mapping[str, float] | None = None) -> dict[str, float]:
+def _sizes(effects: Sequence[Effect], given: Mapping[str, float] | None = None) -> dict[str, float]:
     """How far each strength is from neutral where its effect is present: as given, else nominal."""
     given = given or {}
     return {
@@ -79,25 +82,28 @@ class Rivalry:
         Places of the strengths of the first effect, and of the second if there is one.
     others
         Places of the model's own parameters.
+    amounts
+        Sizes of the strengths of each side, in the units of the information.
     prior
-        What is known of those beforehand, (N, d, d), in the units of the information; strengths have none.
+        What is known of the model's own beforehand, (N, d, d), in the units of the information; strengths have none.
     aggregate
         Over the parameter points: ``mean`` of the logarithm, or the ``worst``.
     """
 
     sides: tuple[tuple[int, ...], ...]
     others: tuple[int, ...]
+    amounts: tuple[tuple[float, ...], ...]
     prior: Array
     aggregate: str = "mean"
 
     def noncentrality(self, information: Array) -> Array:
-        r""":math:`\lambda` of each side against the other, (..., N, sides), in changes relative to the sizes."""
+        r""":math:`\lambda` of each side against the other, (..., N, sides)."""
         total = information + self.prior
         found = []
         for number, side in enumerate(self.sides):
             rival = self.sides[1 - number] if len(self.sides) > 1 else ()
             rest = [*self.others, *rival]
-            found.append(_unexplained(total, list(side), rest))
+            found.append(_unexplained(total, list(side), rest, np.array(self.amounts[number])))
         return np.stack(found, axis=-1)
 
     def __call__(self, information: Array) -> Array:
@@ -109,7 +115,7 @@ class Rivalry:
         return np.asarray(np.where(whole, reduced, np.inf))
 
 
-def _unexplained(total: Array, side: list[int], rest: list[int]) -> Array:
+def _unexplained(total: Array, side: list[int], rest: list[int], amounts: Array) -> Array:
     usable = np.asarray(np.isfinite(total).all(axis=(-2, -1)))
     total = np.where(usable[..., None, None], total, np.eye(total.shape[-1]))
     own, cross, other = (
@@ -120,8 +126,37 @@ def _unexplained(total: Array, side: list[int], rest: list[int]) -> Array:
     even = other / (scale[..., :, None] * scale[..., None, :])
     cross = cross / scale[..., :, None]
     explained = np.swapaxes(cross, -1, -2) @ np.linalg.pinv(even, rcond=1e-12, hermitian=True) @ cross
-    value = np.maximum((own - explained).sum(axis=(-2, -1)), 0.0)
-    return np.where(usable, value, np.nan)
+    value = np.einsum("...ij,i,j->...", own - explained, amounts, amounts)
+    return np.asarray(np.where(usable, np.maximum(value, 0.0), np.nan))
+
+
+def rivalry(space: ParameterSpace, values: Array, effects: Sequence[Effect], aggregate: str = "mean") -> Rivalry:
+    """One or two effects of nominal size as an objective over relative information (`mofit.identifiability.criteria`).
+
+    Parameters
+    ----------
+    space
+        Parameters of the model with the effects.
+    values
+        Parameter points (N, d), strengths neutral.
+    effects
+        The effects.
+    aggregate
+        ``mean`` or ``worst``.
+    """
+    size = scales(space, values)
+    amounts, sides = _sizes(effects), [strength(effect) for effect in effects]
+    places = tuple(tuple(space.index(name) for name in side) for side in sides)
+    taken = [place for side in places for place in side]
+    prior = box_precision(space, values) * size[:, :, None] * size[:, None, :]
+    prior[:, taken, taken] = 0.0
+    return Rivalry(
+        sides=places,
+        others=tuple(place for place in range(len(space)) if place not in taken),
+        amounts=tuple(tuple(amounts[name] / size[0, space.index(name)] for name in side) for side in sides),
+        prior=prior,
+        aggregate=aggregate,
+    )
 
 
 def separation(
@@ -173,14 +208,15 @@ def separation(
         point = neutral_values(model, both, values)
         at = np.array([[point[parameter.name] for parameter in extended.parameters]])
         information = test_information(extended, procedures, at, noise, names, jobs)[0]
-        scale = np.array([1.0] * len(own) + [sizes(both, size)[name] for side in sides for name in side])
         prior = np.zeros((len(names), len(names)))
         if precision is not None:
             prior[: len(own), : len(own)] = precision
-        rivalry = Rivalry(
-            tuple(tuple(names.index(name) for name in side) for side in sides), tuple(range(len(own))), prior
-        )
-        told = rivalry.noncentrality(information * scale[:, None] * scale[None, :])
+        told = Rivalry(
+            sides=tuple(tuple(names.index(name) for name in side) for side in sides),
+            others=tuple(range(len(own))),
+            amounts=tuple(tuple(_sizes(both, size)[name] for name in side) for side in sides),
+            prior=prior,
+        ).noncentrality(information)
         if k == other:
             found[:, k, k] = told[:, 0]
         else:
