@@ -214,8 +214,8 @@ def part_b(arguments: argparse.Namespace) -> list[str]:
     lines = [
         "## (b) A designed programme against 1,000 random ones",
         "",
-        f"{BUDGET_B:.0f} s, 30 s of pause per test included; {len(usable)} candidates. The criterion is the mean radius "
-        "of the confidence ellipsoid of d_y, c_M and d_M relative to their values, in %.",
+        f"{BUDGET_B:.0f} s, 30 s of pause per test included; {len(usable)} candidates. The criterion is the mean "
+        "radius of the confidence ellipsoid of d_y, c_M and d_M relative to their values, in %.",
         "",
         f"Predicted criterion of the random programmes: best {100 * np.exp(values.min() / 2):.3f}, median "
         f"{100 * np.exp(np.median(values) / 2):.3f}, worst {100 * np.exp(values.max() / 2):.3f}; of the designed one "

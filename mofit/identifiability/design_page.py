@@ -9,6 +9,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from mofit.identifiability.design_files import Proposal
 from mofit.identifiability.design_text import GRADES, criterion_text, seconds_text, settings_text, value_text
@@ -29,6 +31,10 @@ from mofit.result import atomic_path
 
 #: A test without which the spread grows by less carries next to nothing.
 _MATTERS = 1.02
+#: Values that differ by more are drawn on a logarithmic axis.
+_WIDE = 20.0
+
+Array = NDArray[np.float64]
 
 
 def write_design_page(proposal: Proposal, told: Mapping[str, Any], path: Path) -> Path:
@@ -133,11 +139,10 @@ def _over_frequency(proposal: Proposal, told: Mapping[str, Any], names: Sequence
                           for i, c in kept if str(c.plan.amplitude) == amplitude)  # fmt: skip
             panel.plot(*np.array(line).T, color=cluster_colour(place), marker="o", ms=3.5)
         panel.set_xscale("log")
-        panel.set_ylim(bottom=0)
+        _scale(panel, found.single_sd[[i for i, _ in kept], k])
         panel.set_title(math_symbol(name))
         panel.set_ylabel("relative sd (%)")
         panel.set_xlabel("frequency (Hz)")
-        few_ticks(panel, None, 4)
     keys = [line_key(cluster_colour(k), amplitude) for k, amplitude in enumerate(amplitudes)]
     legend_above(canvas, [*keys, line_key(BASELINE, "without", ls="--")])
     duration = seconds_text(longest)
@@ -153,6 +158,16 @@ def _over_frequency(proposal: Proposal, told: Mapping[str, Any], names: Sequence
     ]
 
 
+def _scale(panel: Axes, values: Array) -> None:
+    """From zero, or logarithmic where values differ by much."""
+    some = values[np.isfinite(values) & (values > 0)]
+    if len(some) and some.max() > _WIDE * some.min():
+        panel.set_yscale("log")
+        return
+    panel.set_ylim(bottom=0)
+    few_ticks(panel, None, 4)
+
+
 def _pareto(proposal: Proposal, told: Mapping[str, Any]) -> Section:
     found = proposal.design
     factor = 1 if told["criterion"]["name"] == "T" else 100
@@ -163,10 +178,7 @@ def _pareto(proposal: Proposal, told: Mapping[str, Any]) -> Section:
     front = np.array([[0.0, found.value_before], *((p.seconds, p.value) for p in found.pareto)])
     panel.plot(front[:, 0], factor * front[:, 1], color=cluster_colour(0), marker="o", ms=5)
     panel.plot([found.seconds], [factor * found.value_after], ls="none", marker="*", ms=13, color=cluster_colour(1))
-    if factor == 1:
-        panel.set_yscale("symlog")
-    else:
-        panel.set_ylim(bottom=0)
+    _scale(panel, np.append(found.singles[shown], [found.value_before, found.value_after]))
     panel.set_xlabel("time more (s)")
     panel.set_ylabel("noncentrality" if factor == 1 else "criterion (%)")
     legend_above(canvas, [
@@ -227,9 +239,9 @@ def _method(told: Mapping[str, Any]) -> Section:
         Text(Markup("Judged at {} parameter sets around {} (SI units).").format(told["points"], values)),
         Text(
             "The expected spread is that of mofit's own estimate: curvature and scatter of the weighted squares from "
-            "exact sensitivities and the noise of each test, calibration stages as they are fitted. Programmes are found "
-            "greedily, by gain and by gain per second, then improved by exchanging one or two tests until nothing gains; "
-            "few programmes are all looked at."
+            "exact sensitivities and the noise of each test, calibration stages as they are fitted. Programmes are "
+            "found greedily, by gain and by gain per second, then improved by exchanging one or two tests until "
+            "nothing gains; few programmes are all looked at."
         ),
         Details("The space that was searched", [Raw(Markup("<pre>{}</pre>").format(_space(told["space"])))]),
     ]
