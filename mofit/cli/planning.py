@@ -84,10 +84,15 @@ def compare(
     with progress_bar() as progress:
         comparison, mends = compare_files(job, choose, progress)
     told = summary(comparison, mends)
+    sentences = [mend_sentence(name, mend, comparison) for name, mend in mends.items()]
+    if out is not None:
+        from mofit.identifiability.compare_page import write_comparison
+
+        told["page"] = str(write_comparison(comparison, sentences, out))
     if as_json:
         print_json(told)
     else:
         from mofit.cli.comparison_table import show_comparison
 
-        show_comparison(told, [mend_sentence(name, mend, comparison) for name, mend in mends.items()])
+        show_comparison(told, sentences)
     return NOT_IDENTIFIABLE if comparison.lost else DONE

@@ -24,6 +24,7 @@ from mofit.identifiability.verdicts import (
     condition_indices,
     good,
     partners,
+    relative_size,
     spread,
 )
 from mofit.progress import Progress, silent
@@ -131,9 +132,10 @@ def _judge(
     minute = spread(told.precision(procedure.tests, 60 / seconds)[:1], told.values[:1], space)
     usable = found.words[:, 0] >= 0
     entries = {}
+    sizes = relative_size(space, told.values[:1])[0]
     for name in shown:
         k = space.index(name)
-        size = float(max(abs(values[k]), np.finfo(float).tiny) / stretch[k])
+        size = float(sizes[k])
         words = found.words[usable, k]
         counts = {VERDICTS[word]: int(np.sum(words == word)) for word in np.unique(words)}
         verdict = VERDICTS[int(_majority(words[:, None])[0])]

@@ -16,7 +16,7 @@ from mofit.identifiability.noise import DEFAULT_NOISE
 from mofit.identifiability.procedures import planned_drives
 from mofit.identifiability.statistics import group_of, groups, precision
 from mofit.identifiability.telling import Told
-from mofit.identifiability.verdicts import good, spread
+from mofit.identifiability.verdicts import good, relative_size, spread
 from mofit.model import build_system
 from mofit.simulate.excitation import excitation
 
@@ -63,7 +63,7 @@ def cheapest_mend(told: Told, procedure: Procedure, name: str, jobs: int = 1) ->
         own[number, :, 0] = np.stack([test.normal * square, test.scatter * square], axis=1)
     chosen = [i for i, test in enumerate(source.tests) if test.group > 0 or test.name in procedure.tests]
     known = told.sums[chosen, :1].sum(axis=0)
-    size = np.asarray(abs(told.values[0, place]) / told.stretch[0, place])
+    size = relative_size(source.space, told.values[:1])[0, place]
     for repeats in _REPEATS:
         sd = np.array([
             spread(precision(known + repeats * each), told.values[:1], source.space).sd[0, place] for each in own

@@ -56,8 +56,9 @@ def around(space: ParameterSpace, values: Array, free: tuple[str, ...], count: i
     unit = np.repeat(space.to_unit(values)[None], count, axis=0)
     places = [space.index(name) for name in free]
     unit[1:, places] += AROUND * (2 * sobol[1:] - 1)
-    found = space.from_unit(np.clip(unit, 0.0, 1.0))
-    found[0] = values
+    moved = space.from_unit(np.clip(unit, 0.0, 1.0))
+    found = np.repeat(values[None], count, axis=0)
+    found[1:, places] = moved[1:, places]
     return found
 
 

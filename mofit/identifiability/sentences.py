@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mofit.identifiability.comparison import Carried
 from mofit.identifiability.confirm import Limits
-from mofit.identifiability.verdicts import COMBINATION, IDENTIFIABLE, ONE_SIDED
+from mofit.identifiability.verdicts import COMBINATION, IDENTIFIABLE, ONE_SIDED, relative_size
 from mofit.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
@@ -74,10 +74,10 @@ def sentence(
 def exchange(name: str, partner: str, covariance: Array, values: Array, space: ParameterSpace) -> str:
     """How a partner makes up for a change: ``d_M +10 % looks like d_y −4 %``."""
     i, j = space.index(name), space.index(partner)
-    stretch = space.slope(values) / np.where(values == 0, np.inf, np.abs(values))
-    if not (stretch[i] > 0 and stretch[j] > 0):
+    sizes = relative_size(space, values[None])[0]
+    if values[i] == 0 or values[j] == 0:
         return ""
-    change = 10 * covariance[j, i] / covariance[i, i] * stretch[j] / stretch[i]
+    change = 10 * covariance[j, i] / covariance[i, i] * sizes[i] / sizes[j]
     return f"{name} +10 % is made up for by {partner} {'+' if change > 0 else '−'}{abs(change):.2g} %"
 
 

@@ -3,13 +3,15 @@ r"""What tests will say of a parameter, in words, from the precision that the es
 All in the unit cube of the parameters' bounds. With the precision M of the estimate, calibration stages included, and
 that of the bounds B = 12 I (a uniform spread),
 
-- the *marginal* standard deviation of a parameter has all others estimated along with it, confined by their bounds;
+- the *marginal* standard deviation of a parameter is that of its estimate, all others estimated along with it, within
+  their bounds (`mofit.identifiability.bounded`);
 - the *conditional* one, :math:`M_{ii}^{-1/2}`, has them known.
 
 ==========================  ===========================================================================================
 verdict                     means
 ==========================  ===========================================================================================
-identifiable                the marginal standard deviation is at most a quarter of the value, or 5 % of the box
+identifiable                the marginal standard deviation is at most a quarter of the value, or 5 % of the box, and
+                            would be without the parameter's own bounds
 only in a combination       not so, but the conditional one is: others can make up for a change of this parameter
 one-sided                   neither, but the data rule out one of the bounds: a limit can be given
 not identifiable            neither, and no limit either
@@ -23,6 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.identifiability.bounded import bounded_sd
+from mofit.identifiability.criteria import scales
 from mofit.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
@@ -50,9 +54,9 @@ class Spread:
     Parameters
     ----------
     sd
-        Marginal; at most that of the box.
+        Marginal: of the estimate, which its bounds may stop.
     relative
-        The same over the magnitude of the value.
+        The same over the magnitude of the value (values near 0: over a hundredth of the box).
     conditional
         All other parameters known.
     inflation
@@ -77,15 +81,15 @@ def spread(precision: Array, values: Array, space: ParameterSpace) -> Spread:
     failed = np.asarray(~np.isfinite(precision).all(axis=(1, 2)))
     known = np.where(failed[:, None, None], 0.0, precision)
     covariance = np.asarray(np.linalg.inv(known + BOX_PRECISION * np.eye(size)), dtype=float)
-    # a parameter's own bounds say nothing of how its estimate scatters
-    own = 1 / np.diagonal(covariance, axis1=1, axis2=2) - BOX_PRECISION
-    sd = np.minimum(np.maximum(own, BOX_PRECISION) ** -0.5, BOX_SD)
+    place = space.to_unit(values)
+    sd = np.stack([bounded_sd(own, -at, 1 - at) for own, at in zip(known, place, strict=True)])
+    # what a parameter's own bounds do to its estimate is no knowledge
+    free = np.maximum(1 / np.diagonal(covariance, axis1=1, axis2=2) - BOX_PRECISION, BOX_PRECISION) ** -0.5
     diagonal = np.maximum(np.diagonal(known, axis1=1, axis2=2), np.finfo(float).tiny)
     conditional = np.minimum(diagonal**-0.5, BOX_SD)
-    size_of = np.maximum(np.abs(values), np.finfo(float).tiny) / space.slope(values)
-    place = space.to_unit(values)
-    low, high = place - _WITHIN * sd > 0, place + _WITHIN * sd < 1
-    words = np.select([good(sd, size_of), good(conditional, size_of), low != high], [0, 1, 2], 3)
+    size_of = relative_size(space, values)
+    low, high = place - _WITHIN * free > 0, place + _WITHIN * free < 1
+    words = np.select([good(np.maximum(sd, free), size_of), good(conditional, size_of), low != high], [0, 1, 2], 3)
     return Spread(
         sd=sd,
         relative=sd / size_of,
@@ -96,13 +100,18 @@ def spread(precision: Array, values: Array, space: ParameterSpace) -> Spread:
     )
 
 
+def relative_size(space: ParameterSpace, values: Array) -> Array:
+    """What a relative standard deviation is relative to, in the unit cube, (N, d): see `criteria.scales`."""
+    return np.asarray(scales(space, values) / space.slope(values))
+
+
 def good(sd: Array, size: Array) -> NDArray[np.bool_]:
     """Whether standard deviations in the unit cube are those of identifiable parameters of this size there."""
     return np.asarray((sd <= SHARE_OF_VALUE * size) | (sd <= SHARE_OF_BOX))
 
 
 def partners(covariance: Array, place: int, size: float) -> list[int]:
-    """Parameters that, once known, make this one identifiable; the most helpful first, few if few are enough.
+    """Parameters that, once known, make this one identifiable; the most helpful first, one if one is enough.
 
     Parameters
     ----------
@@ -116,7 +125,7 @@ def partners(covariance: Array, place: int, size: float) -> list[int]:
     found: list[int] = []
     rest = [k for k in range(len(covariance)) if k != place]
     left = covariance.copy()
-    while rest and len(found) < _PARTNERS and not good(np.sqrt(left[place, place]), np.asarray(size)):
+    while rest and len(found) < _PARTNERS and not (found and good(np.sqrt(left[place, place]), np.asarray(size))):
         gains = [left[place, k] ** 2 / left[k, k] for k in rest]
         best = rest.pop(int(np.argmax(gains)))
         found.append(best)
