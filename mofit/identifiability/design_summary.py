@@ -114,6 +114,7 @@ def _parameter(found: Design, name: str) -> dict[str, Any]:
     return {
         "sd": median(found.after),
         "sd_before": median(found.before),
+        "sd_here": float((found.after.sd * found.told.stretch)[0, place]),
         "relative_sd": float(np.median(relative)),
         "relative_sd_before": float(np.median(found.before.relative[:, place])),
         "low": float(relative.min()),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from mofit.errors import Fault, InputError, did_you_mean
 from mofit.readers.map_file import Quantity
@@ -85,10 +85,15 @@ class CandidateGrid(_Strict):
     delay: Choices | None = None
     conditions: dict[str, Choices] = Field(default_factory=dict)
 
+    @field_validator("kind")
+    @classmethod
+    def _known(cls, kind: str) -> str:
+        if kind not in NEEDED:
+            raise ValueError(f"unknown kind '{kind}'. {did_you_mean(kind, NEEDED)}")
+        return kind
+
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> CandidateGrid:
-        if self.kind not in NEEDED:
-            raise ValueError(f"unknown kind '{self.kind}'. {did_you_mean(self.kind, NEEDED)}")
         if self.size > MOST_CANDIDATES:
             raise ValueError(f"{self.size} combinations; at most {MOST_CANDIDATES}. Make the grids coarser")
         TestPlan.model_validate({"name": "first", **next(iter(self.entries()))})
