@@ -48,7 +48,7 @@ Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
 DYNAMIC = ("d_y", "c_M", "d_M")
-RANDOM, SIMULATED = 1000, 5
+RANDOM, SIMULATED = 1000, 3
 BUDGET_B = 300.0
 SEED = 5
 #: Repeats per row of the work folder.
