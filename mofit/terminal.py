@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mofit.bench.page import cell, headings
 from mofit.progress import Progress as Listener
 
 
@@ -84,6 +83,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
 
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
+    from mofit.bench.page import cell, headings
+
     console = terminal_console()
     table = Table(*(column.replace("_", " ") for column in headings(rows)), box=SIMPLE, padding=(0, 1, 0, 0))
     table.columns[0].no_wrap = True

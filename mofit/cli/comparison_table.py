@@ -58,6 +58,13 @@ def show_comparison(told: Mapping[str, Any], mends: Sequence[str]) -> None:
         for entry in row["parameters"].values():
             if entry["verdict"] != "identifiable":
                 out.print(f"{row['name']}: {entry['sentence']}", highlight=False)
+    for name, parameters in told.get("posterior", {}).items():
+        words = ", ".join(
+            f"{parameter} {own['mean']:.4g} ± {own['sd']:.2g} ({own['verdict']})"
+            for parameter, own in parameters.items()
+        )
+        sure = "" if all(own["converged"] for own in parameters.values()) else "; NOT CONVERGED"
+        out.print(f"{name}: posterior of simulated data: {words}{sure}", highlight=False)
     for sentence in (*told["notes"], *mends):
         out.print(sentence, highlight=False)
 

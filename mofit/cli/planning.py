@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from pathlib import Path
 
 from mofit.cli.app import DONE, NOT_IDENTIFIABLE, Jobs, Json, app, print_json
@@ -83,7 +84,17 @@ def compare(
     )
     with progress_bar() as progress:
         comparison, mends = compare_files(job, choose, progress)
+        found = {}
+        if posterior:
+            from mofit.identifiability.posterior import confirm_by_posterior
+
+            found = confirm_by_posterior(comparison, posterior, seed, job.jobs, progress)
     told = summary(comparison, mends)
+    if found:
+        told["posterior"] = {
+            procedure: {name: asdict(own) for name, own in parameters.items()}
+            for procedure, parameters in found.items()
+        }
     sentences = [mend_sentence(name, mend, comparison) for name, mend in mends.items()]
     if out is not None:
         from mofit.identifiability.compare_page import write_comparison

@@ -89,18 +89,18 @@ def expect(told: Told, jobs: int = 1) -> Expectation:
     free = np.array([name not in source.calibrated for name in source.space.names])
     reach = np.where(free, 1.0, _REACH * known.sd[0])
     box = source.space.from_unit(np.clip([told.unit[0] - reach, told.unit[0] + reach], 0.0, 1.0))
-    drives = [test.drive for test in source.main]
+    exact = [_exact(test.drive, shown.outputs) for test, shown in zip(source.main, told.shown, strict=True)]
     system = build_system(source.model)
+    simulator = Simulator(system, exact, source.space.names, jobs=jobs, tolerance=TOLERANCE, box=(box[0], box[1]))
+    return Expectation(told, simulator)
 
-    def simulator(driven: Sequence[Drive]) -> Simulator:
-        return Simulator(system, driven, source.space.names, jobs=jobs, tolerance=TOLERANCE, box=(box[0], box[1]))
 
-    outputs = simulator(drives).simulate(told.values[:1])
-    exact = [
-        replace(drive, measured=np.where(drive.weights > 0, own[0], 0.0))
-        for drive, own in zip(drives, outputs, strict=True)
-    ]
-    return Expectation(told, simulator(exact))
+def _exact(drive: Drive, outputs: Sequence[Array]) -> Drive:
+    """A test with the simulated outputs (of the judged samples, at the first parameter set) as its measured ones."""
+    measured = np.zeros_like(drive.measured)
+    for i, own in enumerate(outputs):
+        measured[drive.weights[:, i] > 0, i] = own[0]
+    return replace(drive, measured=measured)
 
 
 def profiles(expectation: Expectation, tests: Sequence[str], found: Spread) -> list[Limits]:

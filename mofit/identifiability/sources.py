@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.calibration import calibrate
 from mofit.campaign import Campaign, Procedure
-from mofit.campaign_file import read_campaign
 from mofit.errors import Fault, did_you_mean, raise_errors
 from mofit.identifiability.candidates import candidates
 from mofit.identifiability.limits import Reach
@@ -133,6 +131,8 @@ def read_source(
     if path.suffix == ".toml":
         plan = read_plan(path)
         return planned_source(path.stem, plan, choose(plan), named, jobs)
+    from mofit.campaign_file import read_campaign
+
     campaign = read_campaign(path)
     return measured_source(path.stem, campaign, choose(campaign), named, jobs, seed)
 
@@ -169,6 +169,8 @@ def measured_source(
     name: str, campaign: Campaign, model: Model, named: Sequence[str] = (), jobs: int = 1, seed: int = 0
 ) -> Source:
     """The tests of a campaign; their noise is estimated from the data as the identification does."""
+    from mofit.calibration import calibrate
+
     _require(name, named, campaign.tests)
     space = ParameterSpace(model.parameters)
     stages, _ = calibrate(model, campaign, space, seed=seed, jobs=jobs)
