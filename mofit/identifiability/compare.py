@@ -193,11 +193,13 @@ def _carried(told: Told, procedure: Procedure, shown: Sequence[str]) -> Carried:
     information = told.information[index, 0]
     total = told.bound(procedure.tests)[0] + BOX_PRECISION * np.eye(len(source.space))
     columns = np.linalg.inv(total)[:, places]
-    share = np.einsum("ip,tij,jp->tp", columns, information, columns) / columns[places, range(len(places))]
+    diagonal = columns[places, range(len(places))]
+    share = np.einsum("ip,tij,jp->tp", columns, information, columns) / diagonal
+    calibration = np.einsum("ip,ij,jp->p", columns, told.bound(())[0], columns) / diagonal
     every = spread(told.precision(procedure.tests)[:1], told.values[:1], source.space).sd[0, places]
     names = tuple(source.tests[i].name for i in index)
     without = [
         spread(told.precision([other for other in names if other != name])[:1], told.values[:1], source.space).sd[0]
         for name in names
     ]
-    return Carried(procedure.name, names, share, np.array(without)[:, places] / every)
+    return Carried(procedure.name, names, share, calibration, np.array(without)[:, places] / every)

@@ -115,7 +115,9 @@ class Carried:
     tests
         Names.
     share
-        Of the precision of each parameter, all others estimated along, (T, P); the rest is from calibration.
+        Of the precision of each parameter, all others estimated along, (T, P).
+    calibration
+        Share of the calibration stages, (P,); what is missing to 1 is from the bounds.
     without
         Standard deviation without the test over that with all, (T, P).
     """
@@ -123,6 +125,7 @@ class Carried:
     procedure: str
     tests: tuple[str, ...]
     share: Array
+    calibration: Array
     without: Array
 
 

@@ -89,8 +89,10 @@ def carried_by(carried: Carried, place: int, name: str) -> str:
     most = int(np.searchsorted(np.cumsum(shares), MOST * shares.sum())) + 1
     parts = [f"{test} ({share(own)})" for test, own in zip(names[:most], shares, strict=False)]
     text = f"{name} in '{carried.procedure}' is carried by {listed(parts)}"
-    if (rest := 1 - shares.sum()) > 1 - MOST:
-        text += f"; {share(rest)} of what is known comes from calibration"
+    known = float(carried.calibration[place])
+    for source, own in (("calibration", known), ("the bounds alone", 1 - shares.sum() - known)):
+        if own > 1 - MOST:
+            text += f"; {share(own)} of what is known comes from {source}"
     none = [test for test, own in zip(names, shares, strict=True) if own < NOTHING]
     return text + (f"; next to nothing comes from {listed(none)}." if none else ".")
 

@@ -138,15 +138,16 @@ def read_source(
 
 
 def planned_source(name: str, plan: Plan, model: Model, named: Sequence[str] = (), jobs: int = 1) -> Source:
-    """The tests of a plan; effects that it hides are left out, parameters that the model lacks are ignored."""
+    """The tests of a plan; effects that the model has not are left out, parameters that it lacks are ignored."""
     bare = plan.model_copy(update={"effects": ()})
-    setup = set_up(bare, f"plan '{name}'")
+    setup = set_up(plan, f"plan '{name}'")
     noise = {channel: ChannelNoise(**settings) for channel, settings in setup.noise.items()}
     space = ParameterSpace(model.parameters)
     values = np.array([setup.values.get(parameter.name, parameter.nominal) for parameter in space.parameters])
     notes = []
-    if plan.effects:
-        hidden = ", ".join(effect.name for effect in plan.effects)
+    left_out = [effect.name for effect in plan.effects if effect.name not in model.name.split("+")]
+    if left_out:
+        hidden = ", ".join(left_out)
         notes.append(f"{name}: its effects ({hidden}) are left out; add them to the model with --effect to count them.")
     missing = [channel.name for channel in model.outputs if channel.name not in noise]
     if missing:

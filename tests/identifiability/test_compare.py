@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from mofit.campaign_file import write_campaign
 from mofit.cli import main
@@ -15,11 +16,12 @@ from mofit.identifiability.compare_page import write_comparison
 from mofit.identifiability.compare_page.branch import loss_peak
 from mofit.identifiability.compare_page.frequency import information_over_frequency
 from mofit.identifiability.mend import cheapest_mend
-from mofit.identifiability.points import around, at_values
+from mofit.identifiability.points import around, at_values, of_run
 from mofit.identifiability.sources import read_source
 from mofit.identifiability.telling import tell
 from mofit.identifiability.verdicts import COMBINATION, IDENTIFIABLE, VERDICTS
-from mofit.library import find_model
+from mofit.library import find_effect, find_model
+from mofit.model import with_effects
 from mofit.simulate import simulate
 
 PLAN = """
@@ -102,7 +104,8 @@ def test_one_sine_does_not_know_more_parameters_than_it_has_numbers(comparison) 
 def test_shares_are_shares_and_leaving_a_test_out_costs(comparison) -> None:
     (carried,) = comparison.carried
     assert np.all(carried.share >= 0)
-    assert np.all(carried.share.sum(axis=0) <= 1 + 1e-9)
+    assert np.all(carried.share.sum(axis=0) + carried.calibration <= 1 + 1e-9)
+    assert np.all(carried.calibration == 0)  # the damper has no calibration stage
     assert np.all(carried.without > 0.95)
     for k in range(len(comparison.parameters)):
         assert np.max(carried.without[:, k]) > 1.05
@@ -177,6 +180,38 @@ def test_points_are_the_values_first_and_repeatable(told) -> None:
 def test_values_must_exist_and_fit(told, at, words) -> None:
     with pytest.raises(InputError, match=words):
         at_values(told.source.space, told.source.values, at)
+
+
+def test_points_of_a_run_are_its_posterior(told) -> None:
+    draws = np.linspace(900.0, 1100.0, 101)[None]
+    posterior = xr.Dataset({"d_M": (("chain", "draw"), draws)})
+    tree = xr.DataTree.from_dict({"/clusters/c1": xr.Dataset(attrs={"weight": 0.1}),
+                                  "/clusters/c2": xr.Dataset(attrs={"weight": 0.9}),
+                                  "/clusters/c2/posterior": posterior})  # fmt: skip
+    found = of_run(tree, told.source.space, told.source.values, 20, 1)
+    place = told.source.space.index("d_M")
+    assert found[0, place] == 1000.0
+    assert np.all((found[:, place] >= 900) & (found[:, place] <= 1100))
+    assert len(np.unique(found[:, place])) > 10
+    others = np.delete(found, place, axis=1)
+    np.testing.assert_array_equal(others, np.repeat(np.delete(told.source.values, place)[None], 20, axis=0))
+    empty = xr.DataTree.from_dict({"/clusters/c1": xr.Dataset(attrs={"weight": 1.0})})
+    with pytest.raises(InputError, match="no posterior"):
+        of_run(empty, told.source.space, told.source.values, 20, 1)
+
+
+def test_an_effect_of_the_plan_counts_where_the_model_has_it(plan, tmp_path) -> None:
+    path = tmp_path / "friction.toml"
+    text = plan.read_text(encoding="utf-8").replace(
+        "[noise.force]", '[[effects]]\nname = "dry_friction"\nparameters = { F_d = "33 N" }\n[noise.force]'
+    )
+    path.write_text(text, encoding="utf-8")
+    base = find_model("maxwell_damper")
+    bare = read_source(path, lambda _: base)
+    assert any("dry_friction" in note for note in bare.notes)
+    whole = read_source(path, lambda _: with_effects(base, find_effect("dry_friction")))
+    assert not any("dry_friction" in note for note in whole.notes)
+    assert whole.values[whole.space.index("F_d")] == 33.0
 
 
 def test_groups_are_parsed_and_checked(told) -> None:

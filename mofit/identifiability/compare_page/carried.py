@@ -31,12 +31,14 @@ def _table(carried: Carried, names: tuple[str, ...]) -> Table:
         for k in range(len(names)):
             row += [_bar(float(carried.share[t, k])), f"×{number(float(carried.without[t, k]), 3)}"]
         rows.append(row)
-    rest: list[Markup | str] = ["calibration"]
-    for k in range(len(names)):
-        rest += [percent(max(0.0, 1 - float(carried.share[:, k].sum()))), ""]
+    for source, shares in (
+        ("calibration", carried.calibration),
+        ("bounds", 1 - carried.share.sum(axis=0) - carried.calibration),
+    ):
+        rows.append([source, *(cell for own in shares for cell in (percent(max(0.0, float(own))), ""))])
     return Table(
         columns,
-        [*rows, rest],
+        rows,
         "Share of what is known of each parameter that a test carries, after all that other parameters can explain is "
         f"taken out (below {100 * NOTHING:g} %: next to nothing); and by how much the standard deviation grows without "
         "that test.",
