@@ -32,10 +32,13 @@ from mofit.calibration import calibrate
 from mofit.campaign import Campaign
 from mofit.identifiability.design import PERIODS, Frame
 from mofit.identifiability.design_files import DesignJob, Proposal, design_file
+from mofit.kernel import Simulator
+from mofit.kernel.steps import RK4
 from mofit.library import find_model
 from mofit.model import Model
 from mofit.parameters import ParameterSpace
 from mofit.posing import main_problem
+from mofit.problem import Problem
 from mofit.refine import merge, refine
 from mofit.settings import Settings
 from mofit.simulate import Plan, read_plan, run_plan
@@ -87,16 +90,21 @@ def noisy(text: str, seed: int) -> Campaign:
     return replace(campaign, measurements=measurements)
 
 
-def estimates(campaign: Campaign, model: Model, truth: dict[str, float], choices: list[list[str]]) -> list[list[float]]:
-    """Estimates of the dynamic parameters from each choice of tests, beside the same calibration tests."""
+def estimates(
+    campaign: Campaign, model: Model, truth: dict[str, float], choices: list[list[str]], steps: list[int | None]
+) -> list[list[float]]:
+    """Estimates of the dynamic parameters from each choice of tests, beside the same calibration tests.
+
+    ``steps`` per choice are found with the first campaign and kept for the others.
+    """
     settings = Settings(jobs=1, seed=SEED)
     space = ParameterSpace(model.parameters)
     stages, _ = calibrate(model, campaign, space, seed=SEED, jobs=1)
     start = space.to_unit(np.array([truth[name] for name in space.names]))[None]
     found = []
-    for tests in choices:
+    for place, tests in enumerate(choices):
         problem = main_problem(model, campaign.select(tests), space, stages, settings)
-        local = problem.near(start, np.full(len(space), 0.01))
+        local, steps[place] = local_problem(problem, start, steps[place])
         first = merge(refine(local.evaluate, start))[0].point
         counted = local.with_noise_at(first)
         point = merge(refine(counted.evaluate, first[None]))[0].point
@@ -108,6 +116,17 @@ def estimates(campaign: Campaign, model: Model, truth: dict[str, float], choices
     return found
 
 
+def local_problem(problem: Problem, start: Array, steps: int | None) -> tuple[Problem, int | None]:
+    """Integrated for the neighbourhood of the truth; the number of steps that its rule asks for, all repeats share."""
+    if steps is not None:
+        return replace(
+            problem, simulator=Simulator(problem.system, problem.drives, problem.space.names, steps=steps)
+        ), steps
+    near = problem.near(start, np.full(len(start[0]), 0.01))
+    rungs = [rung for rule in near.simulator.rules for rung in rule.rungs if rung.scheme is RK4]
+    return near, max((rung.steps for rung in rungs), default=None)
+
+
 def rows(work: Path, text: str, label: str, choices: list[list[str]], first: int) -> list[list[list[float]]]:
     """Estimates of `CHUNK` repeats, (repeat, choice, parameter); kept in the work folder."""
     path = work / f"{label}-{first}.json"
@@ -117,7 +136,8 @@ def rows(work: Path, text: str, label: str, choices: list[list[str]], first: int
             return kept["estimates"]
     _, _, truth = clean(text)
     model = find_model("maxwell_tyre")
-    found = [estimates(noisy(text, seed), model, truth, choices) for seed in range(first, first + CHUNK)]
+    steps: list[int | None] = [None] * len(choices)
+    found = [estimates(noisy(text, seed), model, truth, choices, steps) for seed in range(first, first + CHUNK)]
     path.write_text(json.dumps({"plan": text, "choices": choices, "estimates": found}))
     return found
 

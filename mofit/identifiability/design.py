@@ -152,8 +152,8 @@ def design(
     times = np.array([float(number) for _, number in programme])
     places = [told.source.space.index(name) for name in names]
     after = frame.spread(np.tensordot(times, exact.values, axes=1))
-    fewer = [frame.spread(np.tensordot(own, exact.values, axes=1)) for own in times - np.diag(times)]
-    single = [frame.spread(own) for own in found.values]
+    fewer = np.tensordot(times - np.diag(times), exact.values, axes=1)
+    whole = frame.relative(np.tensordot(times, exact.values, axes=1))
     return Design(
         told=told,
         goal=goal,
@@ -169,8 +169,8 @@ def design(
             goal, float(frame.objective(frame.start + np.tensordot(times, frame.told_by(exact), axes=1)))
         ),
         singles=np.array([shown(goal, pool.value((i,))) if usable[i] else np.nan for i in range(len(checked))]),
-        single_sd=np.where(usable[:, None], [np.median(own.relative[:, places], axis=0) for own in single], np.nan),
-        without=np.array([np.median((own.sd / after.sd)[:, places], axis=0) for own in fewer]),
+        single_sd=np.where(usable[:, None], np.median(frame.relative(found.values)[..., places], axis=1), np.nan),
+        without=np.median((frame.relative(fewer) / whole)[..., places], axis=1),
         pareto=tuple(pareto),
     )
 
@@ -223,6 +223,11 @@ class Frame:
     def spread(self, more: Array) -> Spread:
         """Expected spread with sums of some tests more, (N, G, 2, d, d)."""
         return spread(precision(self.sums + more) / self.factor, self.told.values, self.told.source.space)
+
+    def relative(self, more: Array) -> Array:
+        """Relative standard deviations (..., N, d) with such sums more, the bounds taken as Gaussian: for rankings."""
+        covariance = np.linalg.inv(precision(self.sums + more) + self.box)
+        return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
 
     def ask(
         self, tests: Sequence[Candidate], jobs: int, periods: int | None = None, tolerance: float = TOLERANCE

@@ -136,7 +136,8 @@ def design_file(
         if job.run is not None
         else around(source.space, values, tuple(free), job.points, job.seed)
     )
-    names = job.parameters or tuple(dict.fromkeys([*job.combination, *([] if job.combination else free)]))
+    lasting = [name for name in free if name not in {p.name for effect in job.rivals for p in effect.parameters}]
+    names = job.parameters or tuple(job.combination) or tuple(lasting)
     criterion = job.criterion or ("c" if job.combination or len(job.parameters) == 1 else "D")
     aim = (
         rivalry(source.space, points, job.rivals, job.robust)
