@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 TOLERANCE = 1e-6
 #: Numbers held at a time: 128 MB.
 _AT_ONCE = 16_000_000
+#: Parameter sets times tests that count as few.
+_FEW = 256
 #: An eigenvalue of a matrix of unit diagonal below this is that of a flat direction, a component above `_PART` of it.
 _FLAT, _PART = 1e-11, 1e-3
 
@@ -153,9 +155,10 @@ def sensitivities(
         As in `mofit.kernel.Simulator`.
     """
     values = np.atleast_2d(values)
-    simulator = Simulator(
-        system, drives, names, jobs=jobs, tolerance=tolerance, box=(values.min(axis=0), values.max(axis=0))
-    )
+    # a rule of how to integrate in the sets' box costs as much as measuring it for so many sets
+    few = len(values) * len(drives) <= _FEW
+    box = None if few else (values.min(axis=0), values.max(axis=0))
+    simulator = Simulator(system, drives, names, jobs=jobs, tolerance=tolerance, box=box)
     for chosen in _in_portions(drives, len(values) * (1 + len(names))):
         part = simulator.select(chosen)
         for place, (outputs, slopes) in zip(chosen, part.sensitivities(values), strict=True):

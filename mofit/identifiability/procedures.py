@@ -39,7 +39,7 @@ def planned_drives(
     require(model, Campaign("planned", "simulated", {}, tuple(blank)))
     open_records = [_record(measurement, None) for measurement in blank]
     drives = [to_drive(model, m, r, settled) for m, r in zip(blank, open_records, strict=True)]
-    simulator = Simulator(build_system(model), drives, (), jobs=jobs, tolerance=1e-4, box=(values, values))
+    simulator = Simulator(build_system(model), drives, (), jobs=jobs, tolerance=1e-4)
     found = []
     for measurement, outputs in zip(blank, simulator.simulate(values[None]), strict=True):
         if not np.all(np.isfinite(outputs)):
