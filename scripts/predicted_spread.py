@@ -203,7 +203,8 @@ def table(
             counted = entry.verdict == "identifiable"
             row = {
                 "procedure": name, "parameter": parameter, "verdict": entry.verdict, "predicted_sd": entry.sd_here,
-                "actual_sd": actual, "ratio": ratio, "inner_ratio": inner, "bias": float((own.mean() - truth[k]) / actual),
+                "actual_sd": actual, "ratio": ratio, "inner_ratio": inner,
+                "bias": float((own.mean() - truth[k]) / actual),
                 "claimed_sd": float(np.median(claimed[:, k])), "at_bound": edge, "campaigns": len(rows),
                 "profile": None if entry.limits is None else [_natural(space, truth, k, entry.limits.low),
                                                               _natural(space, truth, k, entry.limits.high)],
@@ -262,8 +263,8 @@ def main() -> None:
         f"Written by `python scripts/predicted_spread.py --campaigns {arguments.campaigns} --seed {arguments.seed}` "
         f"({cpu:.0f} s of processor time). The standard error of an actual standard deviation is "
         f"{100 / np.sqrt(2 * (arguments.campaigns - 1)):.1f} %. Claimed: median of the standard deviations that the "
-        "estimates themselves state. Inner: half the width of the central 68.3 % of the estimates, which a few outliers "
-        "do not move. SI units.",
+        "estimates themselves state. Inner: half the width of the central 68.3 % of the estimates, which a few "
+        "outliers do not move. SI units.",
         "",
         f"Of {len(counted)} standard deviations with the verdict 'identifiable', {good} are within "
         f"{100 * WITHIN:.0f} % of the actual ones.",
