@@ -67,7 +67,7 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     if job.file is None:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
     campaign = read_campaign(bundled_campaign() if job.file is None else job.file)
-    chosen = find_model(job.model) if job.model else _model_for(campaign)
+    chosen = find_model(job.model) if job.model else model_for(campaign)
     model = with_effects(chosen, *(find_effect(name) for name in job.effects))
     names = (*_tests_at(campaign, model, job.frequencies), *_tests_named(campaign, job.tests))
     tests = tuple(dict.fromkeys(names))
@@ -77,7 +77,14 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     return folder, summary(tree, folder)
 
 
-def _model_for(campaign: Campaign) -> Model:
+def model_for(campaign: Campaign) -> Model:
+    """The model that a campaign's channels ask for.
+
+    Raises
+    ------
+    InputError
+        If none is known for them.
+    """
     channels = {name for m in campaign.measurements for name in (*m.procedure.inputs, *m.outputs)}
     for needed, name in MODELS_BY_CHANNELS:
         if needed <= channels:

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mofit.bench.page import cell, headings
 from mofit.progress import Progress as Listener
 
 
@@ -57,14 +56,15 @@ def _notes_only(console: Console) -> Listener:
 WIDTH = 120
 
 
-def _console() -> Console:
+def terminal_console() -> Console:
+    """Standard output; wide enough for a table where that is no terminal."""
     console = Console()
     return console if console.is_terminal else Console(width=WIDTH)
 
 
 def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     """The modes of a finished run, one table each."""
-    console = _console()
+    console = terminal_console()
     for mode in summary["modes"]:
         worst = max(mode["nrmsd"].values())
         table = Table(title=f"{mode['id']}: weight {mode['weight']:.3g}, NRMSD up to {100 * worst:.3g} %")
@@ -83,7 +83,9 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
 
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
-    console = _console()
+    from mofit.bench.page import cell, headings
+
+    console = terminal_console()
     table = Table(*(column.replace("_", " ") for column in headings(rows)), box=SIMPLE, padding=(0, 1, 0, 0))
     table.columns[0].no_wrap = True
     for row in rows:

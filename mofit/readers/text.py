@@ -8,7 +8,6 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from mofit.errors import InputError
@@ -33,6 +32,8 @@ def text_columns(path: Path) -> dict[str, Array]:
     InputError
         If the file is damaged or holds no table of numbers.
     """
+    import pandas as pd  # heavy, and plans read nothing with it
+
     where = f"file '{path.name}'"
     lines = [line for line in _text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
     delimiter, decimal = _dialect(lines[:_LOOK])

@@ -131,10 +131,11 @@ def read_plan(path: Path) -> Plan:
     InputError
         With every fault: no file, no TOML, unknown or missing keys, values of the wrong kind.
     """
-    return read_toml(path, "plan", Plan, _with_defaults, _fault)
+    return read_toml(path, "plan", Plan, with_defaults, _fault)
 
 
-def _with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
+def with_defaults(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content of a file with its ``defaults`` spread over the ``tests`` whose kind has a use for them."""
     rest = {key: value for key, value in content.items() if key != "defaults"}
     defaults, tests = content.get("defaults"), content.get("tests")
     if isinstance(defaults, dict) and isinstance(tests, list):
