@@ -278,12 +278,15 @@ def main() -> None:
         f"Written by `python scripts/design_study.py --repeats {arguments.repeats}`; seed {SEED}.",
         "",
     ]
-    text = "\n".join(
-        [*head, *part_a(arguments), "", *part_b(arguments), "", f"Python {platform.python_version()}, {libraries}.", ""]
-    )
     target = ROOT / "reports" / "design"
     target.mkdir(parents=True, exist_ok=True)
-    (target / "README.md").write_text(text, encoding="utf-8")
+    foot = ["", f"Python {platform.python_version()}, {libraries}.", ""]
+    told: list[str] = []
+    for part in (part_a, part_b):
+        told += [*part(arguments), ""]
+        # what is done is told, whatever comes of the rest
+        text = "\n".join([*head, *told[:-1], *foot])
+        (target / "README.md").write_text(text, encoding="utf-8")
     print(text)
 
 
