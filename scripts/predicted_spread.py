@@ -1,6 +1,6 @@
 """Is the spread that `mofit compare` predicts the spread that estimates have? Writes reports/predicted_spread/.
 
-    python scripts/predicted_spread.py [--campaigns 200] [--seed 7] [--work FOLDER]
+    python scripts/predicted_spread.py [--campaigns 200] [--procedures 12] [--seed 7] [--work FOLDER]
 
 The tyre of the paper's Table 5 on a virtual rig (data/plans/paper.toml without its hidden effect: noise of 5 N white
 and 2 N coloured, three steps and a quasi-static test for calibration), tested by procedures from a single sine to all
@@ -234,6 +234,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--campaigns", type=int, default=200, help="of every procedure")
+    parser.add_argument("--procedures", type=int, default=len(PROCEDURES), help="only the first so many")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "predicted_spread")
     parser.add_argument("--out", type=Path, default=ROOT / "reports" / "predicted_spread")
@@ -244,7 +245,7 @@ def main() -> None:
     clean = run_plan(plan.model_copy(update={"noise": {}}))
     results: dict[str, list[dict]] = {}
     calibrated: dict[int, list[Calibration]] = {}
-    for name in PROCEDURES:
+    for name in list(PROCEDURES)[: arguments.procedures]:
         results[name] = simulate(
             name, arguments.campaigns, arguments.seed, arguments.work, clean, plan, truth, calibrated
         )
@@ -260,7 +261,8 @@ def main() -> None:
         "",
         (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
         "",
-        f"Written by `python scripts/predicted_spread.py --campaigns {arguments.campaigns} --seed {arguments.seed}` "
+        f"Written by `python scripts/predicted_spread.py --campaigns {arguments.campaigns} --seed {arguments.seed}"
+        f"{'' if len(results) == len(PROCEDURES) else f' --procedures {len(results)}'}` "
         f"({cpu:.0f} s of processor time). The standard error of an actual standard deviation is "
         f"{100 / np.sqrt(2 * (arguments.campaigns - 1)):.1f} %. Claimed: median of the standard deviations that the "
         "estimates themselves state. Inner: half the width of the central 68.3 % of the estimates, which a few "
