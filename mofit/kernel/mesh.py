@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -122,6 +123,7 @@ def _separate(low: Array, high: Array, step: float) -> tuple[Array, Array]:
     return low[new], high[new]
 
 
+@lru_cache(maxsize=16)
 def _switch_program(system: System) -> Program:
     """The functions of inputs and conditions whose sign decides a branch, as one output."""
     x, u, p, c = (ca.SX.sym(name, *system.rhs.size_in(name)) for name in ("x", "u", "p", "c"))
