@@ -86,6 +86,12 @@ class Simulator:
         other._stepping = self._stepping.within(box, other.tolerance)
         return other
 
+    def with_steps(self, steps: int) -> Simulator:
+        """The same with a fixed number of Runge-Kutta steps per sampling interval; code is shared."""
+        other = copy.copy(self)
+        other._stepping = self._stepping.fixed(steps)
+        return other
+
     @property
     def rules(self) -> list[Rule]:
         """How each test is integrated, by stiffness; empty without a ``box``."""

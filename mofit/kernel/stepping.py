@@ -49,7 +49,8 @@ class Stepping:
         self._drives = {drive: index for index, drive in enumerate(drives)}
         self._tolerance, self._box = tolerance, box
         # without states there is nothing to integrate
-        self._fixed = steps if system.states else 1
+        self._static = not system.states
+        self._fixed = 1 if self._static else steps
         self._calibrated: tuple[list[Rule], Stiffness] | None = None
         self._remembered: OrderedDict[bytes, list[Rung]] = OrderedDict()
 
@@ -57,6 +58,12 @@ class Stepping:
         """The same in another box or to another tolerance."""
         other = copy.copy(self)
         other._tolerance, other._box, other._calibrated, other._remembered = tolerance, box, None, OrderedDict()
+        return other
+
+    def fixed(self, steps: int) -> Stepping:
+        """The same with a fixed number of Runge-Kutta steps."""
+        other = copy.copy(self)
+        other._fixed = 1 if self._static else steps
         return other
 
     def rules(self, drives: Sequence[Drive]) -> list[Rule]:

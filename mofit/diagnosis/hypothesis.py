@@ -1,0 +1,169 @@
+"""One explanation of a campaign: the model with certain effects, held against white rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.diagnosis.observed import Observed
+from mofit.drives import to_drive
+from mofit.kernel import Drive, Simulator
+from mofit.model import Effect, System, build_system, with_effects
+from mofit.parameters import ParameterSpace
+
+Array = NDArray[np.float64]
+
+#: Change of a white row by halving the integration steps that is let pass: noise is 1 there.
+_STEP_ERROR = 0.05
+#: Fewest Runge-Kutta steps per sampling interval: one would need another compiled loop, and save little.
+FEWEST_STEPS = 2
+#: Most Runge-Kutta steps per sampling interval.
+_MOST_STEPS = 32
+#: What stands for a failed simulation: far from any other.
+_FAILED = 1e9
+
+
+@dataclass(frozen=True)
+class Linear:
+    r"""A hypothesis at K points: :math:`r(u) \approx r + J (u - u_0)`, the prior's rows below those of the tests.
+
+    Attributes
+    ----------
+    residual
+        Measured minus simulated, white; (K, m + p). nan where a simulation failed.
+    jacobian
+        Minus the derivative of the simulated rows by the unit coordinates, (K, m + p, d).
+    """
+
+    residual: Array
+    jacobian: Array
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """The observed tests, and a model with effects whose parameters are all free.
+
+    Parameters
+    ----------
+    observed
+        What is explained.
+    effects
+        Added to the model of ``observed.problem``.
+    space
+        Free parameters: those of the problem, then those of the effects.
+    system, simulator
+        The model with effects in vector form; compiled.
+    """
+
+    observed: Observed
+    effects: tuple[Effect, ...]
+    space: ParameterSpace
+    system: System
+    simulator: Simulator
+
+    @property
+    def name(self) -> str:
+        """Names of the effects."""
+        return "+".join(effect.name for effect in self.effects)
+
+    @cached_property
+    def prior_root(self) -> tuple[Array, Array]:
+        """Rows R (p, d) and mean (d,): the prior is the squares of R (u - mean)."""
+        problem, dimension = self.observed.problem, len(self.space)
+        if problem.prior is None:
+            return np.zeros((0, dimension)), np.zeros(dimension)
+        mean, precision = problem.prior.spread_over(problem.space.names)
+        values, vectors = np.linalg.eigh(precision)
+        kept = values > 1e-12 * values.max()
+        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+        extra = dimension - len(mean)
+        return np.pad(root, ((0, 0), (0, extra))), np.pad(mean, (0, extra))
+
+    def full(self, u: Array) -> Array:
+        """Values of all the system's parameters, (K, p), from points u (K, d)."""
+        values, fixed = self.space.from_unit(u), self.observed.problem.fixed
+        columns = [
+            values[:, self.space.index(name)] if name in self.space.names else np.full(len(u), fixed[name])
+            for name in self.system.parameters
+        ]
+        return np.stack(columns, axis=1)
+
+    def linear(self, u: Array) -> Linear:
+        """Residual and Jacobian at points u (K, d)."""
+        stored = self.simulator.sensitivities(self.full(u))
+        slope = self.space.slope(self.space.from_unit(u))
+        joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in stored]
+        bad = np.any([~np.isfinite(test).all(axis=(1, 2, 3)) for test in joined], axis=0)
+        for test in joined:
+            test[bad] = 0.0
+        white = self.observed.white(joined)
+        root, mean = self.prior_root
+        residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
+        residual[bad] = np.nan
+        prior = np.broadcast_to(-root, (len(u), *root.shape))
+        return Linear(residual, np.concatenate([-white[..., 1:] * slope[:, None, :], prior], axis=1))
+
+    def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
+        """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss-Newton Hessian (K, d, d)."""
+        found = self.linear(u)
+        residual, jacobian = found.residual, found.jacobian
+        value = 0.5 * np.einsum("km,km->k", residual, residual)
+        turned = jacobian.transpose(0, 2, 1)
+        gradient = (turned @ np.nan_to_num(residual)[..., None])[..., 0]
+        return value, gradient, turned @ jacobian
+
+    def at_steps_for(self, u: Array) -> Hypothesis:
+        """The hypothesis with as many integration steps as points u (K, d) need for the noise of the tests."""
+        values = self.full(u)
+
+        def rows(at: Simulator) -> Array:
+            outputs = [np.nan_to_num(output[..., None], nan=_FAILED) for output, _ in at.sensitivities(values)]
+            return self.observed.white(outputs)
+
+        def change(coarse: Array, fine: Array) -> float:
+            return float(np.max(np.abs(fine - coarse)))
+
+        return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _STEP_ERROR)[0])
+
+
+def hypothesis(observed: Observed, effects: Sequence[Effect] = ()) -> Hypothesis:
+    """The problem's model with these effects, all parameters free."""
+    problem = observed.problem
+    model = with_effects(problem.model, *effects)
+    system = build_system(model)
+    space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
+    drives = drives_of(observed, effects)
+    simulator = Simulator(system, drives, space.names, jobs=observed.jobs, steps=FEWEST_STEPS)
+    return Hypothesis(observed, tuple(effects), space, system, simulator)
+
+
+def drives_of(observed: Observed, effects: Sequence[Effect]) -> Sequence[Drive]:
+    """The tests with the inputs and conditions that effects need beside the model's."""
+    problem = observed.problem
+    if not any(effect.inputs or effect.conditions for effect in effects):
+        return problem.drives
+    model = with_effects(problem.model, *effects)
+    return [
+        to_drive(model, measurement, record, settled=False)
+        for measurement, record in zip(problem.measurements, problem.records, strict=True)
+    ]
+
+
+def with_enough_steps(
+    simulator: Simulator, rows: Callable[[Simulator], Array], change: Callable[[Array, Array], float], allowed: float
+) -> tuple[Simulator, Array]:
+    """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
+    steps = FEWEST_STEPS
+    here = simulator.with_steps(steps)
+    coarse = rows(here)
+    while steps < _MOST_STEPS:
+        finer = simulator.with_steps(2 * steps)
+        fine = rows(finer)
+        if change(coarse, fine) <= allowed:
+            return here, coarse
+        here, coarse, steps = finer, fine, 2 * steps
+    return here, coarse
