@@ -49,6 +49,11 @@ _EFFECTS = {
     "drift": "effects.drift:Drift",
     "warm_up": "effects.warm_up:WarmUp",
     "backlash": "effects.backlash:Backlash",
+    "turn_slip": "effects.turn_slip:TurnSlip",
+    "camber": "effects.camber:Camber",
+    "cross_talk": "effects.cross_talk:CrossTalk",
+    "coulomb_friction": "effects.coulomb_friction:CoulombFriction",
+    "bouc_wen": "effects.bouc_wen:BoucWen",
 }
 
 

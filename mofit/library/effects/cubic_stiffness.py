@@ -20,7 +20,7 @@ class CubicStiffness(Effect):
     title = "cubic stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
-    parameters = (Parameter("k_c", "N/m^3", -1e9, 1e9, 1e7, description="cubic stiffness", neutral=0.0),)
+    parameters = (Parameter("k_c", "N/m^3", -1e9, 1e9, 2.2e7, description="cubic stiffness", neutral=0.0),)
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Spring force with the cubic term."""

@@ -24,7 +24,7 @@ class WarmUp(Effect):
     on = ("output",)
     parameters = (
         Parameter("w_t", "1", -0.5, 0.5, 0.02, description="relative excess of gain at the first sample", neutral=0.0),
-        Parameter("tau_t", "s", 0.1, 1e3, 5.0, "log", "time in which it fades", grid=(1.0, 4.0, 15.0)),
+        Parameter("tau_t", "s", 0.1, 1e3, 3.0, "log", "time in which it fades", grid=(1.0, 4.0, 15.0)),
     )
     inputs = (Channel("time", "s", "time since the first sample"),)
 
