@@ -14,7 +14,7 @@ from mofit.campaign import Campaign
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.observed import Observed, observe
 from mofit.errors import InputError
-from mofit.model import Effect, Model
+from mofit.model import Model
 from mofit.posing import choose_tests, main_problem
 from mofit.problem import Problem
 from mofit.refine import Minimum, RefineSettings, merge, refine
@@ -78,7 +78,7 @@ def pose(model: Model, campaign: Campaign, settings: Settings, tests: Sequence[s
     assert isinstance(problem, Problem)
     known = calibrated_values(calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    return observe(problem, settings.jobs), np.clip(problem.space.to_unit(values), 0.0, 1.0)
+    return observe(problem, calibrations, settings.jobs), np.clip(problem.space.to_unit(values), 0.0, 1.0)
 
 
 def fit(model: Hypothesis, starts: Array) -> Fitted:
@@ -96,9 +96,9 @@ def fit(model: Hypothesis, starts: Array) -> Fitted:
     return Fitted(model, found[0], here.residual[0], here.jacobian[0])
 
 
-def fit_baseline(observed: Observed, start: Array, seed: int, effects: Sequence[Effect] = ()) -> Fitted:
+def fit_baseline(observed: Observed, start: Array, seed: int) -> Fitted:
     """Fit the model as it is, from a start (d,) and from Sobol points over what the calibration does not know."""
-    model = hypothesis(observed, effects)
+    model = hypothesis(observed)
     dimension = len(start)
     searched = np.ones(dimension, dtype=bool)
     if observed.problem.prior is not None:

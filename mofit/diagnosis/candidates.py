@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mofit.campaign import Campaign
 from mofit.diagnosis.baseline import Fitted
+from mofit.diagnosis.cause import Cause, causes
 from mofit.diagnosis.hypothesis import FEWEST_STEPS, drives_of, with_enough_steps
 from mofit.drives import lacking
 from mofit.errors import InputError
@@ -31,17 +32,19 @@ class Candidate:
 
     Parameters
     ----------
-    effect
-        The effect.
-    grid
-        Values of its parameters that mean nothing without it; G points.
+    causes
+        The effect at every point of its grid, in the dynamic tests alone or in all; G of them.
     slopes
-        S at the neutral size, (G, m, q).
+        S at the neutral size, (G, m + p, q), rows of the prior included.
     """
 
-    effect: Effect
-    grid: Sequence[Mapping[str, float]]
+    causes: tuple[Cause, ...]
     slopes: Array
+
+    @property
+    def effect(self) -> Effect:
+        """The effect."""
+        return self.causes[0].effect
 
     @property
     def name(self) -> str:
@@ -110,4 +113,8 @@ def prepare(fitted: Fitted, effect: Effect) -> Candidate:
         size = np.linalg.norm(fine, axis=(1, 2)) + np.finfo(float).tiny
         return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
 
-    return Candidate(effect, effect.grid_points, with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1])
+    points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1]
+    found = causes(effect, observed.problem.space, observed.calibrations)
+    root = observed.prior_root[1]
+    rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]
+    return Candidate(tuple(found), np.stack(rows))

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.diagnosis.cause import Cause
 from mofit.diagnosis.observed import Observed
 from mofit.drives import to_drive
 from mofit.kernel import Drive, Simulator
@@ -51,8 +52,8 @@ class Hypothesis:
     ----------
     observed
         What is explained.
-    effects
-        Added to the model of ``observed.problem``.
+    causes
+        Effects that are added to the model of ``observed.problem``.
     space
         Free parameters: those of the problem, then those of the effects.
     system, simulator
@@ -60,28 +61,40 @@ class Hypothesis:
     """
 
     observed: Observed
-    effects: tuple[Effect, ...]
+    causes: tuple[Cause, ...]
     space: ParameterSpace
     system: System
     simulator: Simulator
 
     @property
-    def name(self) -> str:
-        """Names of the effects."""
-        return "+".join(effect.name for effect in self.effects)
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects."""
+        return tuple(cause.effect for cause in self.causes)
 
     @cached_property
-    def prior_root(self) -> tuple[Array, Array]:
-        """Rows R (p, d) and mean (d,): the prior is the squares of R (u - mean)."""
-        problem, dimension = self.observed.problem, len(self.space)
-        if problem.prior is None:
-            return np.zeros((0, dimension)), np.zeros(dimension)
-        mean, precision = problem.prior.spread_over(problem.space.names)
-        values, vectors = np.linalg.eigh(precision)
-        kept = values > 1e-12 * values.max()
-        root = np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-        extra = dimension - len(mean)
-        return np.pad(root, ((0, 0), (0, extra))), np.pad(mean, (0, extra))
+    def prior_rows(self) -> tuple[Array, Array]:
+        """Rows R (p, d) and mean (d,): the prior is the squares of R (u - mean).
+
+        An effect that the calibration tests had moved their estimates: its size stands in these rows too.
+        """
+        base, root = self.observed.prior_root
+        rows = np.pad(root, ((0, 0), (0, len(self.space) - len(base))))
+        mean = self.space.to_unit(self._neutral)
+        mean[: len(base)] = base
+        for cause in self.causes:
+            mean[: len(base)] += cause.moved
+            values = self._neutral
+            for name, size, shift in zip(cause.effect.size, cause.around, cause.carried.T, strict=True):
+                column = self.space.index(name)
+                values[column] = size
+                rows[:, column] = root @ shift * self.space.slope(values)[column]
+                mean[column] = self.space.to_unit(values)[column]
+        return rows, mean
+
+    @property
+    def _neutral(self) -> Array:
+        """Values of the effects without size; of the model's own parameters, nominal ones."""
+        return np.array([p.nominal if p.neutral is None else p.neutral for p in self.space.parameters])
 
     def full(self, u: Array) -> Array:
         """Values of all the system's parameters, (K, p), from points u (K, d)."""
@@ -101,7 +114,7 @@ class Hypothesis:
         for test in joined:
             test[bad] = 0.0
         white = self.observed.white(joined)
-        root, mean = self.prior_root
+        root, mean = self.prior_rows
         residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
         residual[bad] = np.nan
         prior = np.broadcast_to(-root, (len(u), *root.shape))
@@ -130,15 +143,15 @@ class Hypothesis:
         return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _STEP_ERROR)[0])
 
 
-def hypothesis(observed: Observed, effects: Sequence[Effect] = ()) -> Hypothesis:
+def hypothesis(observed: Observed, causes: Sequence[Cause] = ()) -> Hypothesis:
     """The problem's model with these effects, all parameters free."""
-    problem = observed.problem
+    problem, effects = observed.problem, [cause.effect for cause in causes]
     model = with_effects(problem.model, *effects)
     system = build_system(model)
     space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
     drives = drives_of(observed, effects)
     simulator = Simulator(system, drives, space.names, jobs=observed.jobs, steps=FEWEST_STEPS)
-    return Hypothesis(observed, tuple(effects), space, system, simulator)
+    return Hypothesis(observed, tuple(causes), space, system, simulator)
 
 
 def drives_of(observed: Observed, effects: Sequence[Effect]) -> Sequence[Drive]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.calibration import Calibration
 from mofit.diagnosis.lines import CLASSES, classify, orders
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.drives import first_input
@@ -32,6 +34,8 @@ class Observed:
         Of every row: index into ``parts``, line of its spectrum, index into `CLASSES`; shape (m,).
     phase
         Of the excitation's fundamental over the samples used, rad, per part; 0 where it does not repeat.
+    calibrations
+        The stages before, whose estimates the prior is made of.
     jobs
         Threads; results do not depend on it.
     """
@@ -43,7 +47,19 @@ class Observed:
     line: NDArray[np.int64]
     kind: NDArray[np.int64]
     phase: Array
+    calibrations: tuple[Calibration, ...] = ()
     jobs: int = 1
+
+    @cached_property
+    def prior_root(self) -> tuple[Array, Array]:
+        """What the stages know, in unit coordinates: mean (d,), and rows R (p, d) whose squares are the precision."""
+        problem = self.problem
+        if problem.prior is None:
+            return np.zeros(len(problem.space)), np.zeros((0, len(problem.space)))
+        mean, precision = problem.prior.spread_over(problem.space.names)
+        values, vectors = np.linalg.eigh(precision)
+        kept = values > 1e-12 * values.max()
+        return mean, np.sqrt(values[kept])[:, None] * vectors[:, kept].T
 
     @property
     def test(self) -> NDArray[np.int64]:
@@ -69,7 +85,7 @@ class Observed:
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
 
 
-def observe(problem: Problem, jobs: int = 1) -> Observed:
+def observe(problem: Problem, calibrations: Sequence[Calibration] = (), jobs: int = 1) -> Observed:
     """Find the noise of every record and the class of every line."""
     driver = first_input(problem.model)
     parts, measured, part, line, kind, phase = [], [], [], [], [], []
@@ -96,5 +112,6 @@ def observe(problem: Problem, jobs: int = 1) -> Observed:
         np.concatenate(line),
         np.concatenate(kind),
         np.array(phase),
+        tuple(calibrations),
         jobs,
     )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from mofit.diagnosis.baseline import Fitted, fit
+from mofit.diagnosis.cause import recalibrated
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.screen import Screened
 from mofit.errors import InputError
@@ -53,49 +54,51 @@ def explain(fitted: Fitted, candidates: int) -> Explanation:
 def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     """The hypothesis with these effects added, fitted from where the screen expects the minimum and from elsewhere.
 
-    Starts: the fitted parameters and their expected shift, with the expected size, at every good point of the grids;
-    the fitted parameters with the typical size; the parameters nominal. None if no start can be simulated.
+    Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
+    the fitted parameters with the typical size. None if no start can be simulated.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
-    new = hypothesis(old.observed, (*old.effects, *(found.candidate.effect for found in added)))
-    starts = [start for k in range(_POINTS) for start in _expected(new, fitted, added, k)]
-    typical = {p.name: p.nominal for found in added for p in found.candidate.effect.parameters}
-    starts.append(_start(new, here, typical))
+    new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
+    starts = [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
+    starts.append(_start(new, here, {}))
     try:
-        new = new.at_steps_for(starts[0][None])
-        found = fit(new, np.unique(np.array(starts), axis=0))
-        sure = found.hypothesis.at_steps_for(found.minimum.point[None])
-        return fit(sure, found.minimum.point[None])
+        found = fit(new.at_steps_for(starts[0][None]), np.unique(np.array(starts), axis=0))
+        best = found.minimum.point[None]
+        return fit(_recalibrated(found).at_steps_for(best), best)
     except InputError:
         return None
 
 
-def _expected(new: Hypothesis, fitted: Fitted, added: Sequence[Screened], rank: int) -> Iterable[Array]:
+def _recalibrated(fitted: Fitted) -> Hypothesis:
+    """The hypothesis with the stages looked at where its effects ended, those that the stages' tests had too."""
+    model = fitted.hypothesis
+    space, calibrations = model.observed.problem.space, model.observed.calibrations
+    causes = [
+        recalibrated(cause, fitted.values, space, calibrations) if cause.everywhere else cause for cause in model.causes
+    ]
+    return replace(model, causes=tuple(causes))
+
+
+def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int) -> Iterator[Array]:
     """Where the screen expects the minimum, each effect at the point of its grid with that rank of T."""
     values: dict[str, float] = {}
-    shift = np.zeros(len(fitted.minimum.point))
-    fresh = rank == 0
+    shift, fresh = np.zeros(len(here)), False
     for found in added:
-        order = np.argsort(-found.statistics, kind="stable")
-        place = int(order[min(rank, len(order) - 1)])
+        causes = found.candidate.causes
+        order = [i for i in np.argsort(-found.statistics, kind="stable") if causes[i].everywhere == found.cause.everywhere]
         fresh |= rank < len(order)
-        effect = found.candidate.effect
-        for name, size in zip(effect.size, found.sizes[place], strict=True):
-            values[name] = effect.neutral[name] + float(size)
-        values |= found.candidate.grid[place]
+        place = order[min(rank, len(order) - 1)]
+        for name, size in zip(found.effect.size, found.sizes[place], strict=True):
+            values[name] = found.effect.neutral[name] + float(size)
+        values |= causes[place].point
         shift -= found.shifts[place]
-    if not fresh:
-        return
-    yield _start(new, fitted.minimum.point, values)
-    yield _start(new, np.clip(fitted.minimum.point + shift, 0.0, 1.0), values)
+    if fresh:
+        yield _start(new, here, values)
+        yield _start(new, np.clip(here + shift, 0.0, 1.0), values)
 
 
 def _start(new: Hypothesis, base: Array, values: Mapping[str, float]) -> Array:
-    """A point of the new space: the old parameters, and values of the new ones, inside their bounds."""
-    old = len(base)
-    point = np.empty(len(new.space))
-    point[:old] = base
-    for i, parameter in enumerate(new.space.parameters[old:], start=old):
-        value = float(np.clip(values.get(parameter.name, parameter.nominal), parameter.lower, parameter.upper))
-        point[i] = new.space.subset([parameter.name]).to_unit([value])[0]
-    return point
+    """A point of the new space: the old parameters, and values of the new ones (typical if not given) in their bounds."""
+    fresh = new.space.parameters[len(base) :]
+    given = [float(np.clip(values.get(p.name, p.nominal), p.lower, p.upper)) for p in fresh]
+    return np.concatenate([base, new.space.subset([p.name for p in fresh]).to_unit(given)])

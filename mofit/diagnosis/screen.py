@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,9 @@ from scipy.stats import f as fisher
 
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.cause import Cause
 from mofit.diagnosis.projection import Projection, project
+from mofit.model import Effect
 
 Array = NDArray[np.float64]
 
@@ -67,6 +69,11 @@ class Screened:
         return self.candidate.name
 
     @property
+    def effect(self) -> Effect:
+        """The effect."""
+        return self.candidate.effect
+
+    @property
     def size(self) -> Array:
         """Expected size at the best point of the grid, (q,)."""
         return np.asarray(self.sizes[self.best])
@@ -77,9 +84,9 @@ class Screened:
         return np.asarray(self.shifts[self.best])
 
     @property
-    def grid_point(self) -> Mapping[str, float]:
-        """Values of the parameters beside the size, at the best point of the grid."""
-        return self.candidate.grid[self.best]
+    def cause(self) -> Cause:
+        """The effect at the best point of its grid."""
+        return self.candidate.causes[self.best]
 
 
 def screen(fitted: Fitted, candidates: Iterable[Candidate]) -> list[Screened]:
