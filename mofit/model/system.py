@@ -118,7 +118,7 @@ def _assemble(
     xdot = _column(where, rates, groups["x"])
     y = _column(where, outputs, output_names)
     x0 = _column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"])
-    for _ in range(len(groups["x"]).bit_length()):
+    for _ in range(len(groups["x"]).bit_length() + 1):
         # an initial value may build on another one: an effect's state starts from the model's, or the reverse
         # (every round doubles the depth that is resolved)
         if ca.depends_on(x0, x):

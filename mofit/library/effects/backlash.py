@@ -42,7 +42,8 @@ class Backlash(Effect):
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Input behind the play."""
         position, free = s.play_position, s.play_free
-        arrives = ca.fmax(value - s.b_0, ca.fmin(position, value + s.b_0))
+        # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
+        arrives = ca.if_else(position < value, ca.fmax(value - s.b_0, position), ca.fmin(value + s.b_0, position))
         rate, free_rate = (arrives - position) / FOLLOWING, (value - free) / FOLLOWING
         return Applied(
             arrives,
