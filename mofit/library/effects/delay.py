@@ -23,7 +23,7 @@ class Delay(Effect):
     name = "delay"
     title = "delay of the measurement"
     on = ("output",)
-    parameters = (Parameter("tau_d", "s", -0.05, 0.05, 0.004, description="delay of the output", neutral=0.0),)
+    parameters = (Parameter("tau_d", "s", -0.02, 0.05, 0.004, description="delay of the output", neutral=0.0),)
     states = washout_states(name, UNIT_OF_TARGET)
     conditions = (SAMPLE_INTERVAL,)
 
