@@ -19,7 +19,8 @@ class SteeringCompliance(Effect):
     r"""Slip angle :math:`\alpha - \kappa F`: the steering behind the angle's transducer is not rigid.
 
     The force depends on the angle in turn, :math:`F(\alpha - \kappa F) \approx F(\alpha) / (1 + \kappa F')` at the
-    present deflection, within 0.03 N of the implicit solution at typical size. Fingerprint: odd harmonics, growing with load; like less cornering stiffness at one load.
+    present deflection, within 0.03 N of the implicit solution at typical size. Fingerprint: odd harmonics, growing
+    with load; like less cornering stiffness at one load.
     """
 
     name = "steering_compliance"
