@@ -13,6 +13,7 @@ from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign import Campaign
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.observed import Observed, observe
+from mofit.diagnosis.workshop import Workshop
 from mofit.errors import InputError
 from mofit.model import Model
 from mofit.posing import choose_tests, main_problem
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 
 #: Starts of the baseline beside the nominal values; with them a power of two, as Sobol points and lanes like it.
 STARTS = 7
-#: Iterations of a refit. Effects are small: what has not converged by then is lost in a valley.
-_ITERATIONS = 40
+#: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
+_SETTINGS = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3)
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,13 @@ class Fitted:
         return spread
 
 
-def pose(model: Model, campaign: Campaign, settings: Settings, tests: Sequence[str] = ()) -> tuple[Observed, Array]:
+def pose(
+    model: Model,
+    campaign: Campaign,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    workshop: Workshop | None = None,
+) -> tuple[Observed, Array]:
     """The tests made white, and a point (d,) of the problem's space: nominal, calibrated values where there are any."""
     space = free_space(model, settings)
     calibrations, _ = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
@@ -78,7 +85,7 @@ def pose(model: Model, campaign: Campaign, settings: Settings, tests: Sequence[s
     assert isinstance(problem, Problem)
     known = calibrated_values(calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    return observe(problem, calibrations, settings.jobs), np.clip(problem.space.to_unit(values), 0.0, 1.0)
+    return observe(problem, calibrations, workshop or Workshop(settings.jobs)), np.clip(problem.space.to_unit(values), 0.0, 1.0)
 
 
 def fit(model: Hypothesis, starts: Array) -> Fitted:
@@ -89,7 +96,7 @@ def fit(model: Hypothesis, starts: Array) -> Fitted:
     InputError
         If no start can be simulated.
     """
-    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), RefineSettings(max_iterations=_ITERATIONS)))
+    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), _SETTINGS))
     if not found:
         raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
     here = model.linear(found[0].point[None])

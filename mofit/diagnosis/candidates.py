@@ -11,19 +11,18 @@ from numpy.typing import NDArray
 from mofit.campaign import Campaign
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.cause import Cause, causes
-from mofit.diagnosis.hypothesis import FEWEST_STEPS, drives_of, with_enough_steps
+from mofit.diagnosis.hypothesis import drives_of, tamed, with_enough_steps
 from mofit.drives import lacking
 from mofit.errors import InputError
 from mofit.kernel import Simulator
 from mofit.library import effect_names, find_effect
-from mofit.model import Effect, Model, build_system, why_not, with_effects
+from mofit.model import Effect, Model, why_not, with_effects
 
 Array = NDArray[np.float64]
 
 #: Relative error of the direction of a score test that is let pass: it costs 1e-4 of the test's power.
 _SLOPE_ERROR = 0.01
-#: What stands for a failed simulation: far from any other.
-_FAILED = 1e9
+
 
 
 @dataclass(frozen=True)
@@ -100,21 +99,22 @@ def prepare(fitted: Fitted, effect: Effect) -> Candidate:
     need not be exact for its level to be.
     """
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
-    system = build_system(with_effects(observed.problem.model, effect))
+    system, simulator = observed.workshop.simulator(
+        with_effects(observed.problem.model, effect), drives_of(observed, [effect]), effect.size, 1
+    )
     here = dict(zip(model.system.parameters, model.full(fitted.minimum.point[None])[0], strict=True))
     sets = [{**here, **effect.neutral, **point} for point in effect.grid_points]
     values = np.array([[point[name] for name in system.parameters] for point in sets])
-    simulator = Simulator(system, drives_of(observed, [effect]), effect.size, jobs=observed.jobs, steps=FEWEST_STEPS)
 
     def slopes(at: Simulator) -> Array:
-        return observed.white([np.nan_to_num(slope, nan=_FAILED) for _, slope in at.sensitivities(values)])
+        return observed.white([tamed(slope) for _, slope in at.sensitivities(values)])
 
     def change(coarse: Array, fine: Array) -> float:
         size = np.linalg.norm(fine, axis=(1, 2)) + np.finfo(float).tiny
         return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
 
     points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1]
-    found = causes(effect, observed.problem.space, observed.calibrations)
+    found = causes(effect, observed.problem.space, observed.calibrations, observed.workshop)
     root = observed.prior_root[1]
     rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]
     return Candidate(tuple(found), np.stack(rows))

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
-from mofit.kernel import Simulator
-from mofit.model import Effect, build_system, why_not, with_effects
+from mofit.diagnosis.workshop import Workshop
+from mofit.model import Effect, why_not, with_effects
 from mofit.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
@@ -58,19 +58,28 @@ class Cause:
         return bool(np.any(self.carried))
 
 
-def causes(effect: Effect, space: ParameterSpace, calibrations: Sequence[Calibration]) -> list[Cause]:
+def causes(
+    effect: Effect, space: ParameterSpace, calibrations: Sequence[Calibration], workshop: Workshop
+) -> list[Cause]:
     """The effect at every point of its grid, in the dynamic tests alone and, where it moves the stages, in all."""
     nothing = np.array([effect.neutral[name] for name in effect.size])
     dynamic = [
         Cause(effect, point, nothing, np.zeros(len(space)), np.zeros((len(space), len(effect.size))))
         for point in effect.grid_points
     ]
-    everywhere = [recalibrated(cause, {**effect.neutral, **cause.point}, space, calibrations) for cause in dynamic]
+    everywhere = [
+        recalibrated(cause, {**effect.neutral, **cause.point}, space, calibrations, workshop)
+        for cause in dynamic
+    ]
     return [*dynamic, *(cause for cause in everywhere if cause.everywhere)]
 
 
 def recalibrated(
-    cause: Cause, values: Mapping[str, float], space: ParameterSpace, calibrations: Sequence[Calibration]
+    cause: Cause,
+    values: Mapping[str, float],
+    space: ParameterSpace,
+    calibrations: Sequence[Calibration],
+    workshop: Workshop,
 ) -> Cause:
     """The cause with the stages fitted anew, the effect having these values in their tests."""
     effect = cause.effect
@@ -80,7 +89,7 @@ def recalibrated(
         # effects that need the time or conditions of a test act on dynamic tests
         if why_not(effect, stage.model) is not None or effect.inputs or effect.conditions:
             continue
-        found, slope = _refitted(calibration, effect, values)
+        found, slope = _refitted(calibration, effect, values, workshop)
         place = [space.index(name) for name in stage.space.names]
         known = space.subset(stage.space.names)
         moved[place] += known.to_unit(found) - known.to_unit(list(calibration.values.values()))
@@ -89,11 +98,13 @@ def recalibrated(
     return replace(cause, around=size, moved=np.nan_to_num(moved), carried=np.nan_to_num(carried))
 
 
-def _refitted(calibration: Calibration, effect: Effect, values: Mapping[str, float]) -> tuple[Array, Array]:
+def _refitted(
+    calibration: Calibration, effect: Effect, values: Mapping[str, float], workshop: Workshop
+) -> tuple[Array, Array]:
     """Estimates of a stage with the effect, (k,), and minus their derivative by the effect's size, (k, q)."""
     stage = calibration.problem
-    system = build_system(with_effects(stage.model, effect))
-    simulator = Simulator(system, stage.drives, (*stage.space.names, *effect.size), steps=_STEPS)
+    free = (*stage.space.names, *effect.size)
+    system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
     here = {**stage.fixed, **calibration.values, **effect.neutral, **values}
     count = len(stage.space)
     carried = np.zeros((count, len(effect.size)))

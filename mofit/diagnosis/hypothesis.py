@@ -13,19 +13,17 @@ from mofit.diagnosis.cause import Cause
 from mofit.diagnosis.observed import Observed
 from mofit.drives import to_drive
 from mofit.kernel import Drive, Simulator
-from mofit.model import Effect, System, build_system, with_effects
+from mofit.model import Effect, System, with_effects
 from mofit.parameters import ParameterSpace
 
 Array = NDArray[np.float64]
 
 #: Change of a white row by halving the integration steps that is let pass: noise is 1 there.
 _STEP_ERROR = 0.05
-#: Fewest Runge-Kutta steps per sampling interval: one would need another compiled loop, and save little.
-FEWEST_STEPS = 2
-#: Most Runge-Kutta steps per sampling interval.
-_MOST_STEPS = 32
-#: What stands for a failed simulation: far from any other.
-_FAILED = 1e9
+#: Fewest and most Runge-Kutta steps per sampling interval.
+_FEWEST_STEPS, _MOST_STEPS = 1, 32
+#: Where an unstable integration has gone: no output or derivative is as large.
+RUNAWAY = 1e100
 
 
 @dataclass(frozen=True)
@@ -110,7 +108,7 @@ class Hypothesis:
         stored = self.simulator.sensitivities(self.full(u))
         slope = self.space.slope(self.space.from_unit(u))
         joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in stored]
-        bad = np.any([~np.isfinite(test).all(axis=(1, 2, 3)) for test in joined], axis=0)
+        bad = np.any([~(np.abs(test) < RUNAWAY).all(axis=(1, 2, 3)) for test in joined], axis=0)
         for test in joined:
             test[bad] = 0.0
         white = self.observed.white(joined)
@@ -134,8 +132,7 @@ class Hypothesis:
         values = self.full(u)
 
         def rows(at: Simulator) -> Array:
-            outputs = [np.nan_to_num(output[..., None], nan=_FAILED) for output, _ in at.sensitivities(values)]
-            return self.observed.white(outputs)
+            return self.observed.white([tamed(output[..., None]) for output, _ in at.sensitivities(values)])
 
         def change(coarse: Array, fine: Array) -> float:
             return float(np.max(np.abs(fine - coarse)))
@@ -143,14 +140,18 @@ class Hypothesis:
         return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _STEP_ERROR)[0])
 
 
+def tamed(values: Array) -> Array:
+    """Values with what an unstable integration has made of them kept finite."""
+    return np.clip(np.nan_to_num(values, nan=RUNAWAY), -RUNAWAY, RUNAWAY)
+
+
 def hypothesis(observed: Observed, causes: Sequence[Cause] = ()) -> Hypothesis:
     """The problem's model with these effects, all parameters free."""
     problem, effects = observed.problem, [cause.effect for cause in causes]
     model = with_effects(problem.model, *effects)
-    system = build_system(model)
     space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
     drives = drives_of(observed, effects)
-    simulator = Simulator(system, drives, space.names, jobs=observed.jobs, steps=FEWEST_STEPS)
+    system, simulator = observed.workshop.simulator(model, drives, space.names, _FEWEST_STEPS)
     return Hypothesis(observed, tuple(causes), space, system, simulator)
 
 
@@ -170,13 +171,12 @@ def with_enough_steps(
     simulator: Simulator, rows: Callable[[Simulator], Array], change: Callable[[Array, Array], float], allowed: float
 ) -> tuple[Simulator, Array]:
     """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
-    steps = FEWEST_STEPS
-    here = simulator.with_steps(steps)
-    coarse = rows(here)
-    while steps < _MOST_STEPS:
-        finer = simulator.with_steps(2 * steps)
-        fine = rows(finer)
-        if change(coarse, fine) <= allowed:
+    steps, coarse = _FEWEST_STEPS, None
+    while True:
+        # the finer one first: the loop that is compiled for it serves the coarser one too
+        fine = rows(simulator.with_steps(2 * steps))
+        here = simulator.with_steps(steps)
+        coarse = rows(here) if coarse is None else coarse
+        if change(coarse, fine) <= allowed or 2 * steps > _MOST_STEPS:
             return here, coarse
-        here, coarse, steps = finer, fine, 2 * steps
-    return here, coarse
+        steps, coarse = 2 * steps, fine

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
 from mofit.diagnosis.lines import CLASSES, classify, orders
+from mofit.diagnosis.workshop import Workshop
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.drives import first_input
 from mofit.problem import Problem
@@ -36,8 +37,8 @@ class Observed:
         Of the excitation's fundamental over the samples used, rad, per part; 0 where it does not repeat.
     calibrations
         The stages before, whose estimates the prior is made of.
-    jobs
-        Threads; results do not depend on it.
+    workshop
+        Compiles models.
     """
 
     problem: Problem
@@ -48,7 +49,7 @@ class Observed:
     kind: NDArray[np.int64]
     phase: Array
     calibrations: tuple[Calibration, ...] = ()
-    jobs: int = 1
+    workshop: Workshop = field(default_factory=Workshop)
 
     @cached_property
     def prior_root(self) -> tuple[Array, Array]:
@@ -61,21 +62,26 @@ class Observed:
         kept = values > 1e-12 * values.max()
         return mean, np.sqrt(values[kept])[:, None] * vectors[:, kept].T
 
-    @property
+    @cached_property
     def test(self) -> NDArray[np.int64]:
         """Index of the test of every row, shape (m,)."""
         return np.array([test for test, _, _ in self.parts])[self.part]
 
-    @property
+    @cached_property
     def freedom(self) -> Array:
         """Degrees of freedom behind the noise of every row, shape (m,)."""
         return np.concatenate([w.process.freedom[w.line_of_row] for _, _, w in self.parts])
+
+    @cached_property
+    def variance(self) -> Array:
+        """Mean square of the noise that every row stands for, in the output's unit²; (m,)."""
+        return np.concatenate([w.process.spectrum[w.line_of_row] / w.count for _, _, w in self.parts])
 
     def of(self, *classes: str) -> NDArray[np.bool_]:
         """Which rows are of these classes, shape (m,)."""
         return np.isin(self.kind, [CLASSES.index(name) for name in classes])
 
-    @property
+    @cached_property
     def repeating(self) -> NDArray[np.bool_]:
         """Which rows may hold a gap that a model can explain: all but the other lines, shape (m,)."""
         return ~self.of("other")
@@ -85,7 +91,9 @@ class Observed:
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
 
 
-def observe(problem: Problem, calibrations: Sequence[Calibration] = (), jobs: int = 1) -> Observed:
+def observe(
+    problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None
+) -> Observed:
     """Find the noise of every record and the class of every line."""
     driver = first_input(problem.model)
     parts, measured, part, line, kind, phase = [], [], [], [], [], []
@@ -113,5 +121,5 @@ def observe(problem: Problem, calibrations: Sequence[Calibration] = (), jobs: in
         np.concatenate(kind),
         np.array(phase),
         tuple(calibrations),
-        jobs,
+        workshop or Workshop(),
     )

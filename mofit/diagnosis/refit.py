@@ -17,8 +17,8 @@ from mofit.errors import InputError
 
 Array = NDArray[np.float64]
 
-#: Grid points of an effect that a refit starts from.
-_POINTS = 4
+#: Grid points of an effect that a refit starts from, each twice; with the typical size no more starts than lanes.
+_POINTS = 3
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,10 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
-    starts = [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
-    starts.append(_start(new, here, {}))
+    starts = [_start(new, here, {})]
+    starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
     try:
-        found = fit(new.at_steps_for(starts[0][None]), np.unique(np.array(starts), axis=0))
+        found = fit(new.at_steps_for(starts[-1][None]), np.array(starts))
         best = found.minimum.point[None]
         return fit(_recalibrated(found).at_steps_for(best), best)
     except InputError:
@@ -74,7 +74,7 @@ def _recalibrated(fitted: Fitted) -> Hypothesis:
     model = fitted.hypothesis
     space, calibrations = model.observed.problem.space, model.observed.calibrations
     causes = [
-        recalibrated(cause, fitted.values, space, calibrations) if cause.everywhere else cause for cause in model.causes
+        recalibrated(cause, fitted.values, space, calibrations, model.observed.workshop) if cause.everywhere else cause for cause in model.causes
     ]
     return replace(model, causes=tuple(causes))
 

@@ -90,6 +90,13 @@ class Runner:
         other._switches = [self._switches[i] for i in index]
         return other
 
+    def with_drives(self, drives: Sequence[Drive]) -> Runner:
+        """The same on other tests; compiled code is shared."""
+        other = copy.copy(self)
+        other.drives = tuple(drives)
+        other._switches = [find_switches(self.system, drive) for drive in drives]
+        return other
+
     def _shape(self, derivatives: bool) -> Shape:
         return Shape(len(self.system.states), len(self.system.outputs), len(self.free), derivatives)
 

@@ -92,6 +92,14 @@ class Simulator:
         other._stepping = self._stepping.fixed(steps)
         return other
 
+    def with_drives(self, drives: Sequence[Drive], steps: int) -> Simulator:
+        """The same on other tests, with a fixed number of Runge-Kutta steps; code is shared."""
+        raise_errors(fault for drive in drives for fault in drive.faults(self.system))
+        other = self.with_steps(steps)
+        other.drives = tuple(drives)
+        other._runner = self._runner.with_drives(drives)
+        return other
+
     @property
     def rules(self) -> list[Rule]:
         """How each test is integrated, by stiffness; empty without a ``box``."""
