@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from cyclopts import CycloptsError
 
-from mofit.cli import benchmarks, campaigns, runs  # noqa: F401  # they register their commands
+from mofit.cli import benchmarks, campaigns, diagnose_command, runs  # noqa: F401  # they register their commands
 from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
 from mofit.errors import InputError
 

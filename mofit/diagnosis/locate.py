@@ -80,6 +80,7 @@ class Where:
     deviation of the output from its mean.
     """
 
+    unit: str
     spots: tuple[Spot, ...]
     squares: Mapping[str, float]
     peaks: Mapping[str, float]
@@ -126,7 +127,8 @@ def locate(fitted: Fitted) -> Where:
     names = observed.problem.tests
     totals = {name: float(squares[likely & (observed.test == t)].sum()) for t, name in enumerate(names)}
     largest = {names[test]: peak for (test, _, _), peak in zip(observed.parts, peaks, strict=True)}
-    return Where(tuple(spots), totals, largest, _input_map(observed, structured), tuple(_time_maps(observed, structured)))
+    unit = observed.problem.model.outputs[0].unit
+    return Where(unit, tuple(spots), totals, largest, _input_map(observed, structured), tuple(_time_maps(observed, structured)))
 
 
 def power_of(observed: Observed, residual: Array, expected: Array) -> Array:

@@ -68,7 +68,7 @@ class _Search:
             names = tuple(sorted([*present, one.name]))
             if names in {explanation.effects for explanation in found}:
                 continue
-            progress("refit", len(found), 0, " + ".join(names))
+            progress("refit", len(found), len(found) + 1, " + ".join(names))
             fitted = refit(base, [one])
             if fitted is not None:
                 found.append(explain(fitted, len(self.candidates)))
