@@ -145,8 +145,3 @@ def _pair(place: Ground, rng: np.random.Generator) -> list[tuple[Drawn, float]]:
 
 def _direction(place: Ground, drawn: Drawn) -> NDArray:
     return place.gaps([drawn.at(0.3)], dict.fromkeys(drawn.at(1.0), drawn.place))
-
-
-def later_tests(tests: Sequence[RigTest]) -> float:
-    """When a further sine would start: half a minute after the last, s."""
-    return max(t.start_time + t.duration for t in tests if t.start_time is not None) + 30.0

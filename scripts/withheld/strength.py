@@ -135,7 +135,8 @@ def sized(place: Ground, drawn: Drawn, target: float, *beside: Array, beyond: bo
 def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
     """Each sine left out in turn: RMS [N] of the gap before, and of what the estimates' scatter leaves after.
 
-    ``columns`` (m, q) are the directions of the causes that are added.
+    ``columns`` (m, q) are the directions of the causes that are added. ``share``: what is removed of the mean squares,
+    each relative to the range of its test.
     """
     before, after, squares = {}, {}, np.zeros(2)
     joined = np.concatenate([place.jacobian, columns], axis=1)
@@ -151,7 +152,7 @@ def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
         left = np.zeros(len(gap))
         left[place.places[t]] = np.sqrt(np.maximum(scatter, 0))
         before[test.name], after[test.name] = place.newtons(rest, t), place.newtons(left, t)
-        squares += np.array([before[test.name], after[test.name]]) ** 2
+        squares += (np.array([before[test.name], after[test.name]]) / np.ptp(place.clean[t])) ** 2
     return {"before": before, "after": after, "share": float(1 - squares[1] / squares[0]) if squares[0] > 0 else None}
 
 
