@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 #: keeps the slip finite at standstill, m/s: part of the slip's definition (eq. 3 of the paper)
 FICTITIOUS = 0.01
 LANES = 400
+#: integration step of step tests, s
+COARSE = 1e-2
 #: forces that act back on angle or load are iterated over the whole record until they stand, N
 STANDING, ROUNDS = 2e-3, 15
 
@@ -41,7 +43,7 @@ class Case:
 def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[Array]:
     """Force [N] of each test at its samples, without noise.
 
-    ``step`` is that of the integration in s; friction, which is stiff, gets a quarter of it.
+    ``step`` is that of the integration of sines in s; friction, which is stiff, gets a quarter of it.
     """
     result: list[Array] = [np.empty(0)] * len(jobs)
     values = [case.values(test.kind) for case, test in jobs]
@@ -59,13 +61,14 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
         extra = any(v[name] for name in ("k_c", "k_a", "c_P", "k_bump", "d_2"))
         coupled = bool(v["kappa_s"] or v["kappa_z"])
         groups.setdefault((test.kind, test.rate, extra, states, coupled), []).append(members)
-    for (*_, states, coupled), lanes in groups.items():
+    for (kind, *_, states, coupled), lanes in groups.items():
         # tests of like length side by side; the shorter ones run on, unheeded
         lanes.sort(key=lambda members: -jobs[members[0]][1].duration)
         for start in range(0, len(lanes), LANES):
             part = lanes[start : start + LANES]
             first = [members[0] for members in part]
-            fine = step / 4 if states[2] else step
+            # of a step test only the settled half counts
+            fine = (max(step, COARSE) if kind == "step" else step) / (4 if states[2] else 1)
             force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
             for lane, members in enumerate(part):
                 for i in members:

@@ -3,10 +3,10 @@
     python scripts/withheld/score.py DIR/labels.sealed DIR/results [--next DIR/next-results] [--without DIR/without]
                                      --out REPORT
 
-Each folder of results has one <name>.json per campaign, as `mofit diagnose --json` prints. <name>.npz may lie beside it
-with arrays `<test>/start`, `<test>/before`, `<test>/after`: the first sample, and the force in N that the models without
-and with the effect predict for each test when fitted to all others. Then the true shrinkage is that of those
-predictions, judged by the noise-free record; elsewhere it is the expectation in the label.
+Each folder of results has one <name>.json per campaign, as `mofit diagnose --json` prints. Beside it may lie a
+<name>.npz with arrays `<test>/start`, `<test>/before`, `<test>/after`: the first sample, and the force in N that the
+models without and with the effect predict for each test when fitted to all others. Then the true shrinkage is that of
+those predictions, judged by the noise-free record; elsewhere it is the expectation in the label.
 
 REPORT gets README.md, figures.json, rows.json (one row per campaign) and confusion.png.
 """
