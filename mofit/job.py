@@ -107,9 +107,7 @@ def diagnose_file(
     chosen = find_model(model) if model else _model_for(campaign)
     configuration = {"campaign": campaign.hash(), "model": chosen.name, "effects": list(effects), "seed": settings.seed}
     folder = plan_folder(out, f"diagnosis-{chosen.name}", configuration, resume=False)
-    found = diagnose(
-        campaign, chosen, effects, settings, tests=_tests_named(campaign, tuple(tests)), progress=progress
-    )
+    found = diagnose(campaign, chosen, effects, settings, tests=_tests_named(campaign, tuple(tests)), progress=progress)
     told = plain(found)
     with folder.at_work(configuration) as unfinished:
         progress("write", 0, 1, "page")

@@ -98,7 +98,9 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
         console.print(table)
     if shrinkage := found["shrinkage"]:
         share = [f"{100 * shrinkage[key]:.1f}" for key in ("confirmed", "low", "high")]
-        console.print(f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).", highlight=False)
+        console.print(
+            f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).", highlight=False
+        )
     if found["next_test"]:
         console.print(found["next_test"]["sentence"], highlight=False)
     console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}", highlight=False)

@@ -85,7 +85,9 @@ def pose(
     assert isinstance(problem, Problem)
     known = calibrated_values(calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    return observe(problem, calibrations, workshop or Workshop(settings.jobs)), np.clip(problem.space.to_unit(values), 0.0, 1.0)
+    return observe(problem, calibrations, workshop or Workshop(settings.jobs)), np.clip(
+        problem.space.to_unit(values), 0.0, 1.0
+    )
 
 
 def fit(model: Hypothesis, starts: Array) -> Fitted:

@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 _SLOPE_ERROR = 0.01
 
 
-
 @dataclass(frozen=True)
 class Candidate:
     r"""An effect and the white rows that it adds per unit of its size, to first order.

@@ -68,8 +68,7 @@ def causes(
         for point in effect.grid_points
     ]
     everywhere = [
-        recalibrated(cause, {**effect.neutral, **cause.point}, space, calibrations, workshop)
-        for cause in dynamic
+        recalibrated(cause, {**effect.neutral, **cause.point}, space, calibrations, workshop) for cause in dynamic
     ]
     return [*dynamic, *(cause for cause in everywhere if cause.everywhere)]
 
@@ -107,7 +106,7 @@ def _refitted(
     system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
     here = {**stage.fixed, **calibration.values, **effect.neutral, **values}
     count = len(stage.space)
-    carried = np.zeros((count, len(effect.size)))
+    carried: Array = np.zeros((count, len(effect.size)))
     for _ in range(_ITERATIONS if any(values[name] != effect.neutral[name] for name in effect.size) else 1):
         stored = simulator.sensitivities(np.array([[here[name] for name in system.parameters]]))
         normal, pull = np.zeros((count, count)), np.zeros((count, 1 + len(effect.size)))
@@ -117,7 +116,7 @@ def _refitted(
             normal += np.einsum("nyi,nyj->ij", slopes[0, ..., :count], weighted)
             pull += np.einsum("nyi,nyj->ij", weighted, np.concatenate([gap, slopes[0, ..., count:]], axis=-1))
         step = np.linalg.solve(normal, pull)
-        carried = step[:, 1:]
+        carried = np.asarray(step[:, 1:], dtype=np.float64)
         if any(values[name] != effect.neutral[name] for name in effect.size):
             for name, change in zip(stage.space.names, step[:, 0], strict=True):
                 here[name] += float(change)

@@ -130,7 +130,7 @@ def diagnose(
         next_test=next_test(observed, conclusion.alike),
         nrmsd_before=nrmsd(baseline),
         nrmsd_after=nrmsd(found.best.fitted),
-        noise_floor={test: float(floor) for test, floor in zip(observed.problem.tests, observed.problem.noise.floor, strict=True)},
+        noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out=left_out,
         seconds=time.process_time() - began,
     )  # fmt: skip

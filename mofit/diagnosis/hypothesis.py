@@ -106,7 +106,7 @@ class Hypothesis:
     def linear(self, u: Array) -> Linear:
         """Residual and Jacobian at points u (K, d)."""
         stored = self.simulator.sensitivities(self.full(u))
-        slope = self.space.slope(self.space.from_unit(u))
+        slope = np.nan_to_num(self.space.slope(self.space.from_unit(u)))
         joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in stored]
         bad = np.any([~(np.abs(test) < RUNAWAY).all(axis=(1, 2, 3)) for test in joined], axis=0)
         for test in joined:

@@ -90,7 +90,7 @@ class Where:
     @property
     def gap(self) -> float:
         """Root mean square of the gap over all tests, in the unit of the (first) output."""
-        return float(np.sqrt(max(np.mean(list(self.squares.values())), 0.0)))
+        return float(np.sqrt(max(float(np.mean(list(self.squares.values()))), 0.0)))
 
 
 def locate(fitted: Fitted) -> Where:
@@ -128,7 +128,9 @@ def locate(fitted: Fitted) -> Where:
     totals = {name: float(squares[likely & (observed.test == t)].sum()) for t, name in enumerate(names)}
     largest = {names[test]: peak for (test, _, _), peak in zip(observed.parts, peaks, strict=True)}
     unit = observed.problem.model.outputs[0].unit
-    return Where(unit, tuple(spots), totals, largest, _input_map(observed, structured), tuple(_time_maps(observed, structured)))
+    return Where(
+        unit, tuple(spots), totals, largest, _input_map(observed, structured), tuple(_time_maps(observed, structured))
+    )
 
 
 def power_of(observed: Observed, residual: Array, expected: Array) -> Array:
@@ -159,7 +161,8 @@ def _input_map(observed: Observed, structured: Sequence[Array]) -> InputMap:
         gaps.append(gap)
         errors.append(np.full(len(gap), np.sqrt(np.mean(w.process.spectrum))))
     x, v, g, e = (np.concatenate(part) for part in (inputs, rates, gaps, errors))
-    edges = [np.linspace(*np.quantile(part, (0.001, 0.999)), _CELLS + 1) for part in (x, v)]
+    ends = [np.quantile(part, (0.001, 0.999)) for part in (x, v)]
+    edges = [np.linspace(low, high, _CELLS + 1) for low, high in ends]
     count, total, squares = (
         np.histogram2d(x, v, bins=edges, weights=weights)[0] for weights in (np.ones(len(x)), g, e**2)
     )

@@ -104,7 +104,7 @@ def _procedures(observed: Observed) -> Iterator[Procedure]:
     driver = first_input(observed.problem.model)
     amplitude = max(float(np.ptp(sine.inputs[driver])) / 2 for sine in sines)
     speeds = _SPEEDS if "longitudinal_velocity" in model.conditions else (1.0,)
-    time = np.arange(round(_SECONDS / model.step)) * model.step
+    time = np.arange(round(_SECONDS / model.step), dtype=np.float64) * np.float64(model.step)
     for factor in _FREQUENCIES:
         frequency = round(factor / min(periods), 3)
         if frequency * model.step * _FEWEST_SAMPLES > 1:

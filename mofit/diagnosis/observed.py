@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
 from mofit.diagnosis.lines import CLASSES, classify, orders
-from mofit.diagnosis.workshop import Workshop
 from mofit.diagnosis.whitening import Whitening, whitening
+from mofit.diagnosis.workshop import Workshop
 from mofit.drives import first_input
 from mofit.problem import Problem
 
@@ -91,9 +91,7 @@ class Observed:
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
 
 
-def observe(
-    problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None
-) -> Observed:
+def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None) -> Observed:
     """Find the noise of every record and the class of every line."""
     driver = first_input(problem.model)
     parts, measured, part, line, kind, phase = [], [], [], [], [], []

@@ -79,7 +79,9 @@ def _series(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
         fitted.hypothesis.simulator.sensitivities(fitted.hypothesis.full(fitted.minimum.point[None]))
         for fitted in (found.baseline, found.best.fitted)
     ]
-    driver = next(c for c in observed.problem.model.inputs if (c.derivative_of or c.name) == first_input(observed.problem.model))
+    driver = next(
+        c for c in observed.problem.model.inputs if (c.derivative_of or c.name) == first_input(observed.problem.model)
+    )
     for test, output, w in observed.parts:
         measurement = observed.problem.measurements[test]
         length = round(w.period / w.step) + 1 if w.periods else _MOST_SAMPLES

@@ -74,7 +74,8 @@ def _recalibrated(fitted: Fitted) -> Hypothesis:
     model = fitted.hypothesis
     space, calibrations = model.observed.problem.space, model.observed.calibrations
     causes = [
-        recalibrated(cause, fitted.values, space, calibrations, model.observed.workshop) if cause.everywhere else cause for cause in model.causes
+        recalibrated(cause, fitted.values, space, calibrations, model.observed.workshop) if cause.everywhere else cause
+        for cause in model.causes
     ]
     return replace(model, causes=tuple(causes))
 
@@ -85,7 +86,9 @@ def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int
     shift, fresh = np.zeros(len(here)), False
     for found in added:
         causes = found.candidate.causes
-        order = [i for i in np.argsort(-found.statistics, kind="stable") if causes[i].everywhere == found.cause.everywhere]
+        order = [
+            i for i in np.argsort(-found.statistics, kind="stable") if causes[i].everywhere == found.cause.everywhere
+        ]
         fresh |= rank < len(order)
         place = order[min(rank, len(order) - 1)]
         for name, size in zip(found.effect.size, found.sizes[place], strict=True):
@@ -98,7 +101,7 @@ def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int
 
 
 def _start(new: Hypothesis, base: Array, values: Mapping[str, float]) -> Array:
-    """A point of the new space: the old parameters, and values of the new ones (typical if not given) in their bounds."""
+    """A point of the new space: the old parameters, and values of the new ones, typical if not given, in bounds."""
     fresh = new.space.parameters[len(base) :]
     given = [float(np.clip(values.get(p.name, p.nominal), p.lower, p.upper)) for p in fresh]
     return np.concatenate([base, new.space.subset([p.name for p in fresh]).to_unit(given)])

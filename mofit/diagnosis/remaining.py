@@ -83,9 +83,7 @@ def remaining(fitted: Fitted) -> Remaining:
     )
 
 
-def power_clue(
-    name: str, residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]
-) -> Clue:
+def power_clue(name: str, residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Clue:
     """F test of the power of some rows."""
     total, count = float(np.sum(residual[where] ** 2)), float(expected[where].sum())
     if count < 0.5:
@@ -146,7 +144,10 @@ def peak_clue(name: str, residual: Array, observed: Observed, where: NDArray[np.
     p = fisher.sf(power / parts, parts, behind)
     best = int(np.argmin(p))
     return Clue(
-        f"highest {name} line", float(power[best]), float(parts[best]), float(-np.expm1(len(lines) * np.log1p(-p[best])))
+        f"highest {name} line",
+        float(power[best]),
+        float(parts[best]),
+        float(-np.expm1(len(lines) * np.log1p(-p[best]))),
     )
 
 

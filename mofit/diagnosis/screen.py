@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,10 +107,14 @@ def holm(p: Sequence[float]) -> list[float]:
 
 def _score(projection: Projection, candidate: Candidate) -> Screened:
     signs = candidate.signs
-    statistics, sizes, spreads, left, paths = [], [], [], [], []
+    statistics: list[float] = []
+    sizes: list[Array] = []
+    spreads: list[Array] = []
+    left: list[float] = []
+    paths: list[Array] = []
     for slopes in candidate.slopes:
         rest = projection.apply(slopes)
-        share = np.sum(rest**2) / max(float(np.sum(slopes**2)), np.finfo(float).tiny)
+        share = float(np.sum(rest**2)) / max(float(np.sum(slopes**2)), np.finfo(float).tiny)
         left.append(share)
         normal = rest.T @ rest
         if share < _LEAST_LEFT**2 or not np.linalg.cond(normal) < 1e12:
@@ -121,7 +126,7 @@ def _score(projection: Projection, candidate: Candidate) -> Screened:
         wrong = any(sign * part < 0 for sign, part in zip(signs, size, strict=True))
         statistics.append(0.0 if wrong else float(size @ normal @ size))
         sizes.append(size)
-        spreads.append(np.sqrt(np.diag(np.linalg.inv(normal))))
+        spreads.append(np.asarray(np.sqrt(np.diag(np.linalg.inv(normal))), dtype=np.float64))
         paths.append(rest / np.linalg.norm(rest))
     best = int(np.argmax(statistics))
     shifts = [projection.absorbed(slopes @ size) for slopes, size in zip(candidate.slopes, sizes, strict=True)]
@@ -165,10 +170,9 @@ def _chance(statistic: float, parts: int, signs: Sequence[int], paths: Sequence[
     if parts > 1:
         return min(max(len(paths), 1) * single, 1.0)
     half = 0.5 if signs[0] else 1.0
-    inner = [float(np.clip(np.sum(a * b), -1.0, 1.0)) for a, b in zip(paths, paths[1:], strict=False)]
+    inner = [float(np.clip(np.sum(a * b), -1.0, 1.0)) for a, b in pairwise(paths)]
     angle = float(np.sum(np.arccos(np.abs(inner) if not signs[0] else inner)))
     # the normal quantile of the same chance takes the place of z: the noise is estimated
     z = -float(ndtri(max(0.5 * single, 1e-300)))
     bound = half * (single + angle / np.pi * float(np.exp(-0.5 * z**2)))
     return min(bound, half * len(paths) * single, 1.0)
-

@@ -126,4 +126,3 @@ def _promising(screened: Sequence[Screened], share: float) -> list[Screened]:
 
 def _order(explanation: Explanation) -> float:
     return explanation.criterion if np.isfinite(explanation.criterion) else np.inf
-

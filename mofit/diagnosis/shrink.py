@@ -31,8 +31,8 @@ _REACH = 0.25
 class HeldOut:
     """What both models say of a test that they were not fitted to.
 
-    ``before`` and ``after`` are predicted outputs over the samples used, (n,), of the model without and with the effect;
-    ``start`` is the first of those samples.
+    ``before`` and ``after`` are predicted outputs without and with the effect over the samples used, (n,); ``start``
+    is the first of those.
     """
 
     test: str

@@ -72,7 +72,7 @@ class Conclusion:
         sets = [set(explanation.effects) for explanation in self.alike]
         if len(sets) < 2:
             return ()
-        doubtful = set.union(*sets) - set.intersection(*sets)
+        doubtful = {name for one in sets for name in one if not all(name in other for other in sets)}
         return tuple(effect.name for effect in self.effects if effect.name in doubtful)
 
 
@@ -84,14 +84,11 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         for explanation in found.explanations
         if explanation.effects and explanation.criterion < best.criterion + thresholds.alike
     )
-    squares = {name: max(value, 0.0) for name, value in after.squares.items()}
-    total = sum(max(value, 0.0) for value in before.squares.values())
-    share = min(sum(squares.values()) / total, 1.0) if total > 0 else 0.0
-    of_peak = max(np.sqrt(square) / after.peaks[name] for name, square in squares.items())
+    total, rest = sum(before.squares.values()), sum(after.squares.values())
+    share = float(np.clip(rest / total, 0.0, 1.0)) if total > 0 else 0.0
+    of_peak = max(np.sqrt(max(square, 0.0)) / after.peaks[name] for name, square in after.squares.items())
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
-    left = (
-        found.best_left.p < thresholds.left and share > thresholds.left_share and of_peak > thresholds.left_of_peak
-    )
+    left = found.best_left.p < thresholds.left and share > thresholds.left_share and of_peak > thresholds.left_of_peak
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)
@@ -101,11 +98,13 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         return Conclusion("unknown", f"None of the known effects explains the gap{nearest}.", effects, alike, share)
     doubt = Conclusion("group", "", effects, alike, share).group
     others = [effect.title for effect in effects if effect.name in doubt and effect.name not in best.effects]
-    rest = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
+    but = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
     if len(best.effects) > 1:
-        return Conclusion("several", f"Several effects cause the gap: {' and '.join(titles)}{rest}.", effects, alike, share)
+        return Conclusion(
+            "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.", effects, alike, share
+        )
     if others:
-        return Conclusion("group", f"The gap is caused by {titles[0]}{rest}.", effects, alike, share)
+        return Conclusion("group", f"The gap is caused by {titles[0]}{but}.", effects, alike, share)
     return Conclusion("effect", f"The gap is caused by {titles[0]}.", effects, alike, share)
 
 

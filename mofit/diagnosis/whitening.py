@@ -127,7 +127,7 @@ def whitening(measured: Array, used: NDArray[np.bool_], step: float, record: Rec
     # half a sample of tolerance is for records cut to whole periods
     whole = int(periods + 0.5 * step / record.period)
     count = min(round(whole * record.period / step), count)
-    values, time = measured[start : start + count], step * np.arange(count)
+    values, time = measured[start : start + count], np.asarray(step * np.arange(count), dtype=np.float64)
     waveform, _ = periodic_fit(time, values, record.period)
     process = noise_process(values, waveform, time, record.period, without_lines=True)
     return Whitening(start, step, whole, record.period, process)

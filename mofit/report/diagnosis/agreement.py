@@ -31,8 +31,8 @@ def agreement_section(data: Mapping[str, Any]) -> Section | None:
     ]
     blocks: list[Block] = [
         Text(
-            "Each test alone, near the joint minimum of the model without effects. If the model were right, the estimates "
-            "would scatter as their bars say (Cochran's test)."
+            "Each test alone, near the joint minimum of the model without effects. If the model were right, the "
+            "estimates would scatter as their bars say (Cochran's test)."
         ),
         _figure(found),
         Table(["Parameter", "Tests", "p", "I²", "Verdict"], rows, left=[4]),

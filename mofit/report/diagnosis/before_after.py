@@ -38,13 +38,16 @@ def _errors(data: Mapping[str, Any]) -> Figure:
     axes.set_xticks(place, tests, rotation=20, ha="right")
     axes.set_ylabel("NRMSD (%)")
     axes.grid(axis="x", visible=False)
-    handles = [line_key(BASELINE, "without effects", lw=6), line_key(cluster_colour(0), "with the best explanation", lw=6)]
+    handles = [
+        line_key(BASELINE, "without effects", lw=6),
+        line_key(cluster_colour(0), "with the best explanation", lw=6),
+    ]
     legend_above(canvas, [*handles, line_key(FLOOR, "noise floor")])
     return Figure(
         image_of(canvas),
         "NRMSD per test before and after",
-        "Error per test without effects and with the best explanation, fitted to all tests. An error near the noise floor "
-        "can still hide a gap, which repeats while noise does not.",
+        "Error per test without effects and with the best explanation, fitted to all tests. An error near the noise "
+        "floor can still hide a gap, which repeats while noise does not.",
         good="blue stands on the noise floor in every test.",
         bad="blue is well above it somewhere.",
     )
@@ -86,7 +89,7 @@ def _traces(series: list[Mapping[str, Any]], unit: Unit) -> Figure:
     return Figure(
         image_of(canvas),
         "Measured minus simulated over time, before and after",
-        "Measured minus simulated in the last period of each test (a stretch of a test without period), noise included.",
+        "Measured minus simulated in the last period of each test (or a stretch of the test), noise included.",
         good="the blue line is noise.",
         bad="the blue line swings with the input.",
     )
@@ -94,5 +97,8 @@ def _traces(series: list[Mapping[str, Any]], unit: Unit) -> Figure:
 
 def _legend(canvas: Any, measured: str | None) -> None:
     handles = [line_key(MEASURED, measured, ls="none", marker=".")] if measured else []
-    handles += [line_key(BASELINE, "without effects", ls="--"), line_key(cluster_colour(0), "with the best explanation")]
+    handles += [
+        line_key(BASELINE, "without effects", ls="--"),
+        line_key(cluster_colour(0), "with the best explanation"),
+    ]
     legend_above(canvas, handles)

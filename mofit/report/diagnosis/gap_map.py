@@ -46,7 +46,9 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     largest = max((spot["gap"] for spot in before["spots"]), default=1.0) or 1.0
     shown = display_unit(unit, largest)
     canvas, axes, _ = panels(2, 2, 0.27 * len(tests) + 0.2, margin=(1.15, 0.65, 0.1, 0.5), gap=(1.2, 0.5))
-    for panel, source, title in zip(axes, (before, after), ("without effects", "with the best explanation"), strict=True):
+    for panel, source, title in zip(
+        axes, (before, after), ("without effects", "with the best explanation"), strict=True
+    ):
         _grid(panel, source["spots"], tests, classes, largest, shown.factor)
         panel.set_title(f"{title}: gap ({shown.name})")
     return Figure(
@@ -82,13 +84,17 @@ def _input_figure(before: Mapping[str, Any], data: Mapping[str, Any]) -> Figure:
     found, series = before["input"], data["series"][0]
     gap = np.asarray(found["gap"], dtype=float)
     clear = np.where(np.abs(gap) > 2 * np.asarray(found["error"], dtype=float), gap, np.nan)
-    x, y = display_unit(series["input_unit"], found["input_edges"]), display_unit(series["input_unit"], found["rate_edges"])
+    x, y = (
+        display_unit(series["input_unit"], found["input_edges"]),
+        display_unit(series["input_unit"], found["rate_edges"]),
+    )
     shown = display_unit(data["where"]["unit"], np.nan_to_num(gap))
     largest = float(np.nanmax(np.abs(gap))) or 1.0 if np.isfinite(gap).any() else 1.0
     canvas, (axes, beside), _ = panels(2, 2, 2.6, margin=(0.8, 0.55, 0.1, 0.4), gap=(1.0, 0.5))
     for panel, values, title in ((axes, gap, "mean gap"), (beside, clear, "where it exceeds two standard errors")):
         panel.pcolormesh(
-            x.factor * np.asarray(found["input_edges"]), y.factor * np.asarray(found["rate_edges"]), shown.factor * values.T,
+            x.factor * np.asarray(found["input_edges"]), y.factor * np.asarray(found["rate_edges"]),
+            shown.factor * values.T,
             cmap="RdBu_r", vmin=-shown.factor * largest, vmax=shown.factor * largest,
         )  # fmt: skip
         panel.set_title(f"{title} (±{number(shown.factor * largest, 2)} {shown.name})")
@@ -119,7 +125,9 @@ def _time_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: str)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("time since the campaign began (s)" if timed else "tests one after another (s)")
     axes.set_ylabel(shown.label("structured residual"))
-    legend_above(canvas, [line_key(BASELINE, "without effects"), line_key(cluster_colour(0), "with the best explanation")])
+    legend_above(
+        canvas, [line_key(BASELINE, "without effects"), line_key(cluster_colour(0), "with the best explanation")]
+    )
     return Figure(
         image_of(canvas),
         "Structured residual over time",

@@ -16,12 +16,12 @@ def method_section(data: Mapping[str, Any]) -> Section:
         "Method",
         [
             Text(
-                "Residuals and sensitivities are made white with the noise of each test. The model without effects is "
-                "fitted with the calibration stages as priors; every effect is tried by a score test; the promising ones "
-                "are fitted in full, alone and together, and compared by an information criterion that charges for every "
-                "parameter and for having chosen. What the best explanation leaves is tested line by line: if that is "
-                "more than noise, none of the known effects is to blame. Held-out: each test is predicted by fits to the "
-                "others."
+                "Residuals and sensitivities are made white with the noise of each test. The model without effects "
+                "is fitted with the calibration stages as priors; every effect is tried by a score test; the "
+                "promising ones are fitted in full, alone and together, and compared by an information criterion "
+                "that charges for every parameter and for having chosen. What the best explanation leaves is tested "
+                "line by line: if that is more than noise, none of the known effects is to blame. Held-out: each "
+                "test is predicted by fits to the others."
             ),
             Text(f"Noise floor (NRMSD): {floors}. Processor time {data['seconds']:.1f} s."),
         ],

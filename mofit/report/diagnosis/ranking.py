@@ -36,7 +36,8 @@ def _named(data: Mapping[str, Any]) -> Table:
     for effect in data["effects"]:
         sd = (effect["size_high"] - effect["size_low"]) / 3.29
         interval = f"{with_sd(effect['size_low'], sd)} to {with_sd(effect['size_high'], sd)}"
-        expected = next((c["expected_size"] for c in data["candidates"] if c["name"] == effect["name"]), [])
+        scored = {one["name"]: one["expected_size"] for one in data["candidates"]}
+        expected: list[float] = scored.get(effect["name"], [])
         rows.append(
             [
                 data["titles"].get(effect["name"], effect["name"]),
@@ -54,8 +55,8 @@ def _named(data: Mapping[str, Any]) -> Table:
     return Table(
         ["Effect", "Probability", "Size", "90 % interval", "Expected", "Unit", "Parameters", "Tests"],
         rows,
-        "Effects named, with fitted size; expected: from the score test, before any refit. Tests: whether the calibration "
-        "tests seem to have had the effect too.",
+        "Effects named, with fitted size; expected: from the score test, before any refit. Tests: whether the "
+        "calibration tests seem to have had the effect too.",
         left=[5, 6, 7],
     )
 
@@ -90,8 +91,8 @@ def _screen_figure(data: Mapping[str, Any]) -> Figure:
     return Figure(
         image_of(canvas),
         "Score statistic of the candidates",
-        "How clearly each effect would explain what the model without effects leaves; blue: named. Effects that resemble "
-        "the right one score as well: the fits in full decide.",
+        "How clearly each effect would explain what the model without effects leaves; blue: named. Effects that "
+        "resemble the right one score as well: the fits in full decide.",
         good="one bar stands out, and it is blue.",
         bad="several bars are alike: see what to test next.",
     )
@@ -109,13 +110,15 @@ def _bias(data: Mapping[str, Any]) -> Table:
                 compact(own["after"], 4),
                 "" if own["unit"] == "1" else own["unit"],
                 percent(change / own["after"]) if own["after"] else "–",
-                badge("at a bound", "bad") if own["at_bound"] else badge("biased" if strange else "fine", "bad" if strange else "good"),
+                badge("at a bound", "bad")
+                if own["at_bound"]
+                else badge("biased" if strange else "fine", "bad" if strange else "good"),
             ]
         )
     return Table(
         ["Parameter", "Without the effect", "With", "Unit", "Bias", ""],
         rows,
-        "A small residual is no small effect: the model's own parameters take it up where they can. Biased: moved by more "
-        "than three of its standard deviations.",
+        "A small residual is no small effect: the model's own parameters take it up where they can. Biased: moved by "
+        "more than three of its standard deviations.",
         left=[3, 5],
     )

@@ -30,8 +30,8 @@ def ruled_out_section(data: Mapping[str, Any]) -> Section:
         Table(
             ["Effect", "T", "p", "Absorbed", "Why not"],
             rows,
-            "p: chance of such a score without the effect, corrected for the number of candidates. Absorbed: share of the "
-            "effect that the model's own parameters would take up, so that it hides.",
+            "p: chance of such a score without the effect, corrected for the number of candidates. Absorbed: share of "
+            "the effect that the model's own parameters would take up, so that it hides.",
             left=[4],
         )
     ]
@@ -40,7 +40,9 @@ def ruled_out_section(data: Mapping[str, Any]) -> Section:
         blocks.append(Details("Effects that could not be candidates", [Table(["Effect", "Why"], left, left=[1])]))
     if not rows:
         blocks = [Text("Every candidate is named.")]
-    return Section("ruled_out", "What was ruled out", blocks, {"candidates": data["candidates"], "left_out": data["left_out"]})
+    return Section(
+        "ruled_out", "What was ruled out", blocks, {"candidates": data["candidates"], "left_out": data["left_out"]}
+    )
 
 
 def _reason(one: Mapping[str, Any], data: Mapping[str, Any]) -> str:
