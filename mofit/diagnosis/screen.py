@@ -125,9 +125,9 @@ def _score(projection: Projection, candidate: Candidate) -> Screened:
         size = np.linalg.solve(normal, rest.T @ projection.residual)
         wrong = any(sign * part < 0 for sign, part in zip(signs, size, strict=True))
         statistics.append(0.0 if wrong else float(size @ normal @ size))
-        sizes.append(size)
+        sizes.append(np.asarray(size, dtype=np.float64))
         spreads.append(np.asarray(np.sqrt(np.diag(np.linalg.inv(normal))), dtype=np.float64))
-        paths.append(rest / np.linalg.norm(rest))
+        paths.append(np.asarray(rest / np.linalg.norm(rest), dtype=np.float64))
     best = int(np.argmax(statistics))
     shifts = [projection.absorbed(slopes @ size) for slopes, size in zip(candidate.slopes, sizes, strict=True)]
     return Screened(

@@ -105,7 +105,7 @@ def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
         if gap >= state.thresholds.more:
             # nothing is left to explain; others of this size can only be alternatives
             break
-        state = state.extended(explanation.fitted, _promising(found, state.thresholds.promising)[:4], progress)
+        state = state.extended(explanation.fitted, _promising(found, state.thresholds.next_promising)[:3], progress)
     # every part of a larger set is tried too
     best = state.best
     if len(best.effects) == count + 1:

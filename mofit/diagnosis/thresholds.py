@@ -26,6 +26,8 @@ class Thresholds:
         Difference of the information criterion below which explanations count as alike.
     promising, hopeless
         Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
+    next_promising
+        The same for one more effect: what is left is small, and the score test is nearly exact.
     most_effects
         Most effects at once.
     widths
@@ -40,5 +42,6 @@ class Thresholds:
     alike: float = 6.0
     promising: float = 0.25
     hopeless: float = 0.01
+    next_promising: float = 0.5
     most_effects: int = 3
     widths: int = 2
