@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,7 @@ def fit(model: Hypothesis, starts: Array) -> Fitted:
     if not found:
         raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
     here = model.linear(found[0].point[None])
+    model = replace(model, simulator=model.simulator.without_tables())
     return Fitted(model, found[0], here.residual[0], here.jacobian[0])
 
 

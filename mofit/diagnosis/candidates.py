@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Relative error of the direction of a score test that is let pass: it costs 1e-4 of the test's power.
 _SLOPE_ERROR = 0.01
+#: Fewest Runge-Kutta steps per sampling interval for effects without states.
+_STATIC_STEPS = 2
 
 
 @dataclass(frozen=True)
@@ -112,7 +114,11 @@ def prepare(fitted: Fitted, effect: Effect) -> Candidate:
         size = np.linalg.norm(fine, axis=(1, 2)) + np.finfo(float).tiny
         return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
 
-    points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1]
+    if effect.states:
+        points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1]
+    else:
+        # nothing moves faster than in the fitted model
+        points = slopes(simulator.with_steps(max(model.simulator.steps or 1, _STATIC_STEPS)))
     found = causes(effect, observed.problem.space, observed.calibrations, observed.workshop)
     root = observed.prior_root[1]
     rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]

@@ -66,6 +66,11 @@ class Stepping:
         other._fixed = 1 if self._static else steps
         return other
 
+    @property
+    def steps(self) -> int | None:
+        """The fixed number of steps; None if they are chosen."""
+        return self._fixed
+
     def rules(self, drives: Sequence[Drive]) -> list[Rule]:
         """The rule of each test; none if there is no box to calibrate in."""
         if self._fixed:
