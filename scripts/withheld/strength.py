@@ -145,7 +145,7 @@ def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
             continue
         kept = np.ones(len(gap), dtype=bool)
         kept[place.places[t]] = False
-        shift = np.linalg.lstsq(place.jacobian[kept], gap[kept], rcond=None)[0]
+        shift = _shift(place.jacobian[kept], gap[kept])
         rest = gap - place.jacobian @ shift
         held = joined[place.places[t]]
         scatter = np.einsum("ni,ij,nj->n", held, np.linalg.pinv(joined[kept].T @ joined[kept], hermitian=True), held)
@@ -154,6 +154,17 @@ def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
         before[test.name], after[test.name] = place.newtons(rest, t), place.newtons(left, t)
         squares += (np.array([before[test.name], after[test.name]]) / np.ptp(place.clean[t])) ** 2
     return {"before": before, "after": after, "share": float(1 - squares[1] / squares[0]) if squares[0] > 0 else None}
+
+
+def _shift(jacobian: Array, gap: Array) -> Array:
+    """Relative change of the parameters that takes up most of a gap; the damper stays above 0."""
+    shift = np.asarray(np.linalg.lstsq(jacobian, gap, rcond=None)[0])
+    damper = [*CENTRE].index("d_y")
+    if shift[damper] < -1:
+        others = np.arange(len(shift)) != damper
+        shift[damper] = -1
+        shift[others] = np.linalg.lstsq(jacobian[:, others], gap + jacobian[:, damper], rcond=None)[0]
+    return shift
 
 
 def _changes(

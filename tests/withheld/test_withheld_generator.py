@@ -10,7 +10,7 @@ import netCDF4
 import numpy as np
 import pytest
 from brush import bristles, characteristic, pressure_profile, secant
-from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn
+from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, table
 from filters import lag, later, play
 from generate import make
 from hidden import Slot, case_of, label, setting, slots
@@ -243,6 +243,9 @@ def test_shrinkage_is_nearly_whole_for_a_strong_effect(place):
     found = shrinkage(place, gap[:, 0], gap)
     assert set(found["before"]) == {t.name for t in TESTS if t.kind == "sine"}
     assert 0.9 < found["share"] < 1
+    # beyond the size that drives the damper to 0 the gap grows faster than the effect
+    more = shrinkage(place, 3 * gap[:, 0], gap)
+    assert more["before"]["sine_4_00Hz"] > 4 * found["before"]["sine_4_00Hz"]
 
 
 def test_slots_are_opaque_and_more_of_them_change_none():
@@ -351,3 +354,7 @@ def test_a_label_tells_how_the_record_came_about(tmp_path):
     seal(path, "d", {"case": "pair"})
     assert set(unseal(path)) == {"a", "b", "d"}
     assert unseal(path)["b"] == {"case": "none"}
+
+
+def test_the_readme_lists_all_causes():
+    assert (SCRIPTS / "README.md").read_text(encoding="utf-8").endswith(table() + "\n")
