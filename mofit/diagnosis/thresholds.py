@@ -22,12 +22,19 @@ class Thresholds:
     left_of_peak
         share of the output's peak that its root mean square must reach, before "unknown" is said: with enough real
         data everything is significant.
+    coarse, coarse_share, resolution
+        Share of the output's peak from which a gap that is not explained down to the noise is looked at coarsely: what
+        is smaller than a share of it (``resolution``) counts as noise, and a cause is named even if up to
+        ``coarse_share`` of the gap's squares is left. A model that misses so much misses more than one thing.
     alike
         Difference of the information criterion below which explanations count as alike.
     promising, hopeless
         Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
     next_promising
         The same for one more effect: what is left is small, and the score test is nearly exact.
+    contender
+        Difference of the criterion up to which both ways are fitted in full, with the effect in the calibration tests
+        and without.
     most_effects
         Most effects at once.
     widths
@@ -39,9 +46,13 @@ class Thresholds:
     left: float = 1e-3
     left_share: float = 0.02
     left_of_peak: float = 2e-4
+    coarse: float = 0.02
+    coarse_share: float = 1 / 3
+    resolution: float = 0.1
     alike: float = 6.0
     promising: float = 0.25
     hopeless: float = 0.01
     next_promising: float = 0.5
+    contender: float = 60.0
     most_effects: int = 3
     widths: int = 2

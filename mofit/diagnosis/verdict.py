@@ -76,8 +76,10 @@ class Conclusion:
         return tuple(effect.name for effect in self.effects if effect.name in doubtful)
 
 
-def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresholds) -> Conclusion:
-    """Draw the conclusion from the gap before and after the best explanation."""
+def conclude(
+    found: Attribution, before: Where, after: Where, thresholds: Thresholds, coarse: bool = False
+) -> Conclusion:
+    """Draw the conclusion from the gap before and after the best explanation; see `Thresholds` for a coarse gap."""
     best = found.best
     alike = tuple(
         explanation
@@ -88,7 +90,9 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
     share = float(np.clip(rest / total, 0.0, 1.0)) if total > 0 else 0.0
     of_peak = max(np.sqrt(max(square, 0.0)) / after.peaks[name] for name, square in after.squares.items())
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
-    left = found.best_left.p < thresholds.left and share > thresholds.left_share and of_peak > thresholds.left_of_peak
+    let_pass = thresholds.coarse_share if coarse else thresholds.left_share
+    beyond_noise = found.best_left.p < thresholds.left and of_peak > thresholds.left_of_peak
+    left = beyond_noise and share > let_pass
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)
@@ -98,14 +102,19 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         return Conclusion("unknown", f"None of the known effects explains the gap{nearest}.", effects, alike, share)
     doubt = Conclusion("group", "", effects, alike, share).group
     others = [effect.title for effect in effects if effect.name in doubt and effect.name not in best.effects]
+    caveat = (
+        f" {100 * share:.0f} % of its squares are left that no known effect explains."
+        if beyond_noise and coarse
+        else ""
+    )
     but = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
     if len(best.effects) > 1:
         return Conclusion(
-            "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.", effects, alike, share
+            "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.{caveat}", effects, alike, share
         )
     if others:
-        return Conclusion("group", f"The gap is caused by {titles[0]}{but}.", effects, alike, share)
-    return Conclusion("effect", f"The gap is caused by {titles[0]}.", effects, alike, share)
+        return Conclusion("group", f"The gap is caused by {titles[0]}{but}.{caveat}", effects, alike, share)
+    return Conclusion("effect", f"The gap is caused by {titles[0]}.{caveat}", effects, alike, share)
 
 
 def weights(explanations: Sequence[Explanation]) -> Array:
