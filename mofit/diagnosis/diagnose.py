@@ -108,11 +108,12 @@ def diagnose(
     settings, thresholds = settings or Settings(), thresholds or Thresholds()
     observed, start = pose(model, campaign, settings, tests, workshop)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    case = _investigate(observed, start, chosen, settings, thresholds, False, progress)
+    case = _investigate(observed, start, chosen, settings, thresholds, progress)
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
         rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
-        again = _investigate(rough, case.found.baseline.minimum.point, chosen, settings, thresholds, True, progress)
-        case = again if again.conclusion.verdict not in ("unknown", "none") else case
+        here = case.found.baseline.minimum.point
+        again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
+        case = again if again.leads(thresholds.coarse_lead) else case
     found, conclusion = case.found, case.conclusion
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
@@ -150,6 +151,17 @@ class _Case:
         where = self.before
         return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
 
+    def leads(self, factor: float) -> bool:
+        """Whether one effect is named and removes so many times as much of the gap as any other does."""
+        total = sum(self.before.squares.values())
+        removed = {
+            explanation.effects: total - sum(locate(explanation.fitted).squares.values())
+            for explanation in self.found.explanations
+            if explanation.effects
+        }
+        best = removed.pop(self.found.best.effects, 0.0)
+        return self.conclusion.verdict == "effect" and best > factor * max(removed.values(), default=0.0)
+
     @property
     def relative_gap(self) -> float:
         """Root mean square of the gap relative to the output's range, over all tests."""
@@ -166,7 +178,6 @@ def _investigate(
     effects: Sequence[Effect],
     settings: Settings,
     thresholds: Thresholds,
-    coarse: bool,
     progress: Progress,
 ) -> _Case:
     progress("baseline", 0, 1, "the model without effects")
@@ -177,7 +188,7 @@ def _investigate(
         candidates.append(prepare(baseline, effect))
     found = attribute(baseline, candidates, thresholds, progress)
     before, after = locate(baseline), locate(found.best.fitted)
-    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds, coarse))
+    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds))
 
 
 def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:
