@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from mofit.campaign import Campaign
 from mofit.diagnosis.agreement import Agreement, agreements
 from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
-from mofit.diagnosis.candidates import choose_effects, prepare
+from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
+from mofit.diagnosis.observed import Observed, with_discrepancy
 from mofit.diagnosis.several import Attribution, attribute
 from mofit.diagnosis.shrink import Shrinkage, shrink
 from mofit.diagnosis.thresholds import Thresholds
 from mofit.diagnosis.verdict import Conclusion, conclude
 from mofit.diagnosis.workshop import Workshop
-from mofit.model import Model
+from mofit.model import Effect, Model
 from mofit.progress import Progress, silent
 from mofit.settings import Settings
 
@@ -105,35 +106,89 @@ def diagnose(
     """
     began = time.process_time()
     settings, thresholds = settings or Settings(), thresholds or Thresholds()
-    progress("baseline", 0, 1, "the model without effects")
     observed, start = pose(model, campaign, settings, tests, workshop)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    baseline = fit_baseline(observed, start, settings.seed)
-    candidates = []
-    for number, effect in enumerate(chosen):
-        progress("screen", number, len(chosen), effect.name)
-        candidates.append(prepare(baseline, effect))
-    found = attribute(baseline, candidates, thresholds, progress)
-    before, after = locate(baseline), locate(found.best.fitted)
-    conclusion = conclude(found, before, after, thresholds)
+    case = _investigate(observed, start, chosen, settings, thresholds, progress)
+    if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
+        rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
+        here = case.found.baseline.minimum.point
+        again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
+        case = again if again.leads(thresholds.coarse_lead) else case
+    found, conclusion = case.found, case.conclusion
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
-    shrinkage = None if reason else shrink(found, candidates, settings.seed)
+    shrinkage = None if reason else shrink(found, case.candidates, settings.seed)
     return Diagnosis(
         conclusion=conclusion,
         attribution=found,
-        before=before,
-        after=after,
-        agreements=tuple(agreements(baseline)),
+        before=case.before,
+        after=case.after,
+        agreements=tuple(agreements(found.baseline)),
         shrinkage=shrinkage,
         shrinkage_reason=reason,
         next_test=next_test(observed, conclusion.alike),
-        nrmsd_before=nrmsd(baseline),
+        nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out=left_out,
         seconds=time.process_time() - began,
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One pass through screen, refits and conclusion."""
+
+    candidates: Sequence[Candidate]
+    found: Attribution
+    before: Where
+    after: Where
+    conclusion: Conclusion
+
+    @property
+    def coarseness(self) -> float:
+        """Largest gap of a test relative to its output's peak."""
+        where = self.before
+        return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
+
+    def leads(self, factor: float) -> bool:
+        """Whether one effect is named and removes so many times as much of the gap as any other does."""
+        total = sum(self.before.squares.values())
+        removed = {
+            explanation.effects: total - sum(locate(explanation.fitted).squares.values())
+            for explanation in self.found.explanations
+            if explanation.effects
+        }
+        best = removed.pop(self.found.best.effects, 0.0)
+        return self.conclusion.verdict == "effect" and best > factor * max(removed.values(), default=0.0)
+
+    @property
+    def relative_gap(self) -> float:
+        """Root mean square of the gap relative to the output's range, over all tests."""
+        # a range is about two peaks
+        squares = [
+            max(square, 0.0) / (2 * self.before.peaks[test]) ** 2 for test, square in self.before.squares.items()
+        ]
+        return float(np.sqrt(np.mean(squares)))
+
+
+def _investigate(
+    observed: Observed,
+    start: Array,
+    effects: Sequence[Effect],
+    settings: Settings,
+    thresholds: Thresholds,
+    progress: Progress,
+) -> _Case:
+    progress("baseline", 0, 1, "the model without effects")
+    baseline = fit_baseline(observed, start, settings.seed)
+    candidates = []
+    for number, effect in enumerate(effects):
+        progress("screen", number, len(effects), effect.name)
+        candidates.append(prepare(baseline, effect))
+    found = attribute(baseline, candidates, thresholds, progress)
+    before, after = locate(baseline), locate(found.best.fitted)
+    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds))
 
 
 def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:

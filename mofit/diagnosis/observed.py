@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -89,6 +89,24 @@ class Observed:
     def white(self, stored: Sequence[Array]) -> Array:
         """White rows (N, m, k) of signals per test (N, samples, outputs, k)."""
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
+
+
+def with_discrepancy(observed: Observed, relative: float) -> Observed:
+    """The same tests with an unknown gap, relative to each output's range, counted as noise.
+
+    It lies on the constant, all harmonics and the slow lines of a test that repeats, else on the excited lines.
+    """
+    parts, measured = [], []
+    for i, (test, output, w) in enumerate(observed.parts):
+        drive, here = observed.problem.drives[test], observed.part == i
+        values = drive.measured[:, output]
+        size = relative * float(np.ptp(values[w.start : w.start + w.count]))
+        likely = np.zeros(len(w.frequencies), dtype=bool)
+        likely[observed.line[here & observed.of("dc", "odd", "even", "slow", "excited")]] = True
+        higher = np.arange(len(likely)) % w.periods == 0 if w.periods else np.zeros_like(likely)
+        parts.append((test, output, w.with_discrepancy(size**2, likely, higher)))
+        measured.append(parts[-1][2].rows(values[:, None])[:, 0])
+    return replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
 
 
 def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None) -> Observed:

@@ -70,6 +70,15 @@ class Screened:
         return self.candidate.name
 
     @property
+    def elsewhere(self) -> Screened | None:
+        """The same with the calibration tests having had the effect if they had not, and the reverse; None if alike."""
+        causes = self.candidate.causes
+        others = [i for i, cause in enumerate(causes) if cause.everywhere != self.cause.everywhere]
+        if not others or not np.any(self.statistics[others] > 0):
+            return None
+        return replace(self, best=max(others, key=lambda i: self.statistics[i]))
+
+    @property
     def effect(self) -> Effect:
         """The effect."""
         return self.candidate.effect

@@ -62,17 +62,22 @@ class _Search:
 
     def extended(self, base: Fitted, added: Iterable[Screened], progress: Progress) -> _Search:
         """With refits of ``base`` plus each of the added effects."""
-        found = list(self.found)
         present = [effect.name for effect in base.hypothesis.effects]
-        for one in added:
-            names = tuple(sorted([*present, one.name]))
-            if names in {explanation.effects for explanation in found}:
-                continue
-            progress("refit", len(found), len(found) + 1, " + ".join(names))
-            fitted = refit(base, [one])
-            if fitted is not None:
-                found.append(explain(fitted, len(self.candidates)))
-        return _Search(self.baseline, self.candidates, self.thresholds, tuple(sorted(found, key=_order)))
+        fresh = [one for one in added if not self.tried([*present, one.name])]
+        made: dict[str, Explanation] = {}
+        for number, one in enumerate(fresh):
+            progress("refit", number, len(fresh), " + ".join([*present, one.name]))
+            if (fitted := refit(base, [one])) is not None:
+                made[one.name] = explain(fitted, len(self.candidates))
+        best = min(explanation.criterion for explanation in (*self.found, *made.values()))
+        limit = best + self.thresholds.contender
+        contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
+        # close to the best it matters whether the calibration tests had the effect
+        for one in (other for contender in contenders if (other := contender.elsewhere) is not None):
+            if (fitted := refit(base, [one])) is not None:
+                made[one.name] = min(made[one.name], explain(fitted, len(self.candidates)), key=_order)
+        found = tuple(sorted((*self.found, *made.values()), key=_order))
+        return _Search(self.baseline, self.candidates, self.thresholds, found)
 
 
 def attribute(

@@ -19,6 +19,8 @@ Verdict = Literal["none", "effect", "group", "several", "unknown"]
 
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
+#: Share of the gap from which a remainder is mentioned.
+_WORTH_TELLING = 0.02
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,12 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         for explanation in found.explanations
         if explanation.effects and explanation.criterion < best.criterion + thresholds.alike
     )
-    total, rest = sum(before.squares.values()), sum(after.squares.values())
-    share = float(np.clip(rest / total, 0.0, 1.0)) if total > 0 else 0.0
+    total, still = sum(before.squares.values()), sum(after.squares.values())
+    share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0
     of_peak = max(np.sqrt(max(square, 0.0)) / after.peaks[name] for name, square in after.squares.items())
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
-    left = found.best_left.p < thresholds.left and share > thresholds.left_share and of_peak > thresholds.left_of_peak
+    beyond_noise = found.best_left.p < thresholds.left and of_peak > thresholds.left_of_peak
+    left = beyond_noise and share > thresholds.left_share
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)
@@ -98,14 +101,16 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         return Conclusion("unknown", f"None of the known effects explains the gap{nearest}.", effects, alike, share)
     doubt = Conclusion("group", "", effects, alike, share).group
     others = [effect.title for effect in effects if effect.name in doubt and effect.name not in best.effects]
+    rest = f" {100 * share:.0f} % of its squares are left that no known effect explains."
+    caveat = rest if beyond_noise and share > _WORTH_TELLING else ""
     but = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
     if len(best.effects) > 1:
         return Conclusion(
-            "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.", effects, alike, share
+            "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.{caveat}", effects, alike, share
         )
     if others:
-        return Conclusion("group", f"The gap is caused by {titles[0]}{but}.", effects, alike, share)
-    return Conclusion("effect", f"The gap is caused by {titles[0]}.", effects, alike, share)
+        return Conclusion("group", f"The gap is caused by {titles[0]}{but}.{caveat}", effects, alike, share)
+    return Conclusion("effect", f"The gap is caused by {titles[0]}.{caveat}", effects, alike, share)
 
 
 def weights(explanations: Sequence[Explanation]) -> Array:

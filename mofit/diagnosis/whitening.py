@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,15 @@ class Whitening:
     periods: int
     period: float
     process: NoiseProcess
+
+    def with_discrepancy(self, mean_square: float, lines: NDArray[np.bool_], more: NDArray[np.bool_]) -> Whitening:
+        """The same with an unknown signal counted as noise: of this mean square, spread evenly over ``lines``.
+
+        Each line of ``more`` has as much as one of those.
+        """
+        level = self.count * mean_square / max(int(np.sum(lines[self.line_of_row])), 1)
+        extra = np.where(lines | more, level, 0.0)
+        return replace(self, process=replace(self.process, spectrum=self.process.spectrum + extra))
 
     @property
     def count(self) -> int:

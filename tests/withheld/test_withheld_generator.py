@@ -1,8 +1,6 @@
 """The independent generator of withheld effects: its physics, its secrecy, its truth."""
 
 import ast
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import pytest
 from brush import bristles, characteristic, pressure_profile, secant
 from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, table
 from filters import lag, later, play
-from generate import make
+from generate import main, make
 from hidden import Slot, case_of, label, setting, slots
 from integrate import fractional_parts
 from respond import Case, respond
@@ -274,12 +272,6 @@ def test_specimens_differ_and_stay_near_the_table():
         assert np.std(ratios) > 0.03
 
 
-def run(*arguments):
-    done = subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done
-
-
 def text_of(path):
     """Every name and attribute of a file."""
     found = []
@@ -289,9 +281,10 @@ def text_of(path):
     return found
 
 
-def test_command_writes_campaigns_and_goes_on(tmp_path):
-    command = (SCRIPTS / "generate.py", "--out", tmp_path, "--per-effect", 0, "--unknown", 0, "--pairs", 0, "--kin", 0)
-    run(*command, "--none", 2)
+def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
+    command = ["generate.py", "--out", str(tmp_path), *"--per-effect 0 --unknown 0 --pairs 0 --kin 0 --none".split()]
+    monkeypatch.setattr("sys.argv", [*command, "2"])
+    main()
     files = sorted((tmp_path / "campaigns").glob("*.nc"))
     labels = unseal(tmp_path / "labels.sealed")
     assert {f.stem for f in files} == set(labels)
@@ -305,7 +298,8 @@ def test_command_writes_campaigns_and_goes_on(tmp_path):
     before = files[0].read_bytes()
     files[0].unlink()
     files[1].write_bytes(b"kept as it is")
-    run(*command, "--none", 3)
+    monkeypatch.setattr("sys.argv", [*command, "3"])
+    main()
     assert files[0].read_bytes() == before
     assert files[1].read_bytes() == b"kept as it is"
     assert len(list((tmp_path / "campaigns").glob("*.nc"))) == len(unseal(tmp_path / "labels.sealed")) == 3

@@ -1,19 +1,14 @@
 """The scorer of withheld effects: counting against labels that are opened last."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hidden import Slot, case_of, setting
 from respond import respond
-from score import actual
+from score import actual, main
 from sealed import seal
 from tally import Pairing, confusion, figures, interval, upper_bound
-
-SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 
 
 def said(verdict, *names, size=1.0, shrinkage=None, **more):
@@ -173,7 +168,7 @@ def test_true_shrinkage_comes_from_predictions_where_there_are_any(tmp_path):
     assert actual(entry, tmp_path / "a.npz") == pytest.approx(0.99, abs=1e-9)
 
 
-def test_command_writes_page_figures_and_picture(tmp_path):
+def test_command_writes_page_figures_and_picture(tmp_path, monkeypatch, capsys):
     labels, results = tmp_path / "labels.sealed", tmp_path / "results"
     results.mkdir()
     for name, entry, result in (
@@ -184,22 +179,17 @@ def test_command_writes_page_figures_and_picture(tmp_path):
         seal(labels, name, entry)
         if result:
             (results / f"{name}.json").write_text(json.dumps(result))
-    arguments = [SCRIPTS / "score.py", labels, results, "--out", tmp_path / "report"]
-    done = subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    arguments = ["score.py", str(labels), str(results), "--out", str(tmp_path / "report")]
+    monkeypatch.setattr("sys.argv", arguments)
+    main()
     found = json.loads((tmp_path / "report" / "figures.json").read_text())
-    assert found == json.loads(done.stdout)
+    assert found == json.loads(capsys.readouterr().out)
     assert found["not_diagnosed"] == 1
     assert found["strong"]["exact"]["share"] == 1.0
     assert [r["verdict"] for r in json.loads((tmp_path / "report" / "rows.json").read_text())] == ["none", "effect"]
     text = (tmp_path / "report" / "README.md").read_text()
     assert "| no effect: false alarms | 0/1 = 0.0 % (0.0 % to 97.5 %) | ≤ 1 % |" in text
     assert (tmp_path / "report" / "confusion.png").read_bytes().startswith(b"\x89PNG")
-    empty = subprocess.run(
-        [sys.executable, *map(str, [*arguments[:2], tmp_path, *arguments[3:]])],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert empty.returncode == 1
-    assert "run the diagnosis first" in empty.stderr
+    monkeypatch.setattr("sys.argv", [*arguments[:2], str(tmp_path), *arguments[3:]])
+    with pytest.raises(SystemExit, match="run the diagnosis first"):
+        main()
