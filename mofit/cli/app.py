@@ -13,13 +13,19 @@ from mofit import __version__
 DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
 INTERRUPTED = 130
 
+
+def _shown(default: Any) -> str | None:
+    """A default worth showing in the help: not a flag that is off, nor what is left out."""
+    return None if default is None or default is False or default == () else str(default)
+
+
 app = App(
     name="mofit",
     version=__version__,
     help="Identify dynamic models from test-bench data, with every plausible solution and an honest spread.",
     help_format="rich",
     suppress_keyboard_interrupt=False,
-    default_parameter=Parameter(negative="", show_default=lambda value: value not in (False, ())),
+    default_parameter=Parameter(negative="", show_default=_shown),
 )
 
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]

@@ -10,7 +10,7 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = ("check", "identify", "simulate", "import", "report", "uncertainty", "bench")
+COMMANDS = ("check", "identify", "simulate", "import", "report", "uncertainty", "compare", "design", "bench")
 
 
 def mofit(*arguments, cwd=None):
@@ -79,7 +79,10 @@ def gain(tmp_path):
 def test_every_command_explains_itself_with_an_example(command):
     done = mofit(command, "--help")
     assert done.returncode == 0
-    assert f"Example: mofit {command}" in " ".join(done.stdout.split())
+    text = " ".join(done.stdout.split())
+    assert f"Example: mofit {command}" in text
+    assert "default: True" not in text
+    assert "default: False" not in text
 
 
 def test_a_good_campaign_passes_the_check(rig, capsys):
