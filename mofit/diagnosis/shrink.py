@@ -23,6 +23,8 @@ _STEPS = 4
 _DRAWS = 400
 #: Chance below which a class of lines holds a gap that is worth counting.
 _LOUD = 0.01
+#: Standard deviations of the noise's power beyond which the linearised effect leaves a gap.
+_CLEAR = 4.0
 #: Longest move of a coordinate, in box widths.
 _REACH = 0.25
 
@@ -160,15 +162,19 @@ def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array) -> float
     rows = len(observed.measured)
     model = -baseline.jacobian[:, free]
     both = np.concatenate([model, *added], axis=1)
-    gap, uncertain = 0.0, 0.0
+    gap, uncertain, rest = 0.0, 0.0, np.zeros(rows)
     for t in range(len(observed.problem.tests)):
         held = np.zeros(len(model), dtype=bool)
         held[:rows] = observed.test == t
         (alone, _), (shift, spread) = (_solved(columns[~held], baseline.residual[~held]) for columns in (model, both))
         effect = both[held] @ shift - model[held] @ alone
+        rest[held[:rows]] = baseline.residual[held] - both[held] @ shift
         here = weight[held[:rows]]
         gap += float(here @ effect**2)
         uncertain += float(here @ np.einsum("ri,ij,rj->r", both[held], spread, both[held]))
+    # what is left beyond noise and uncertainty, if that is no chance
+    left = float(weight @ (rest**2 - 1)) - uncertain
+    uncertain += left if left > _CLEAR * float(np.sqrt(2 * weight @ weight)) else 0.0
     return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
 
 
