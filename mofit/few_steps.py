@@ -40,9 +40,11 @@ def in_few_steps(problem: Problem | JointProblem, point: Array, spread: Array) -
             _steady(drive, defect, problem.simulator.tolerance)
             for drive, defect in zip(problem.drives, defects, strict=True)
         ):
-            shifted = [drive.measured + defect[0] for drive, defect in zip(problem.drives, defects, strict=True)]
-            quick = quick.with_measured(shifted)
-            return replace(problem, simulator=quick, drives=quick.drives)
+            drives = tuple(
+                replace(drive, measured=drive.measured + defect[0])
+                for drive, defect in zip(problem.drives, defects, strict=True)
+            )
+            return replace(problem, simulator=quick.with_drives(drives), drives=drives)
     return problem
 
 

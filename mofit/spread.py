@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mofit.few_steps import in_few_steps
 from mofit.joint import JointProblem
 from mofit.objectives import Adjustment, adjust
+from mofit.one_period import in_one_period
 from mofit.problem import Problem
 from mofit.score import score
 
@@ -66,8 +67,14 @@ class SpreadProblem:
         )
 
     def around(self, point: Array, spread: Array) -> SpreadProblem:
-        """The same, quicker to evaluate around a point (d,) with standard deviations (d,); see `in_few_steps`."""
-        return replace(self, problem=in_few_steps(self.problem, point, spread))
+        """The same, quicker to evaluate around a point (d,) with standard deviations (d,).
+
+        See `in_one_period` and `in_few_steps`.
+        """
+        taken = self.adjustment.mapped(point[None])
+        problem = in_few_steps(in_one_period(self.problem, taken[0], spread), taken[0], spread)
+        change = problem.squares(taken) - self.problem.squares(taken)
+        return replace(self, problem=problem, squares=self.squares + float(change[0]))
 
     @property
     def hessian(self) -> Array:

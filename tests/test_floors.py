@@ -23,7 +23,8 @@ FLOORS = {
         ("campaign", "campaign_file", "check", "readers", "report", "result", "run", "signals", "validity"), 2
     ),
     **dict.fromkeys(("kernel", "model"), 3),
-    **dict.fromkeys(("drives", "few_steps", "joint", "library", "objectives", "problem", "score", "spread"), 4),
+    **dict.fromkeys(("drives", "few_steps", "joint", "library", "objectives", "one_period", "problem"), 4),
+    **dict.fromkeys(("score", "spread"), 4),
     **dict.fromkeys(("refine", "sample", "search"), 5),
     **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
     "searching": 6,

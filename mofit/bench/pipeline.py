@@ -73,9 +73,10 @@ class Task:
         counted = problem.with_noise_at(rough.point)
         minimum = merge(refine(counted.evaluate, rough.point[None]))[0]
         near = counted.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
-        self.problem = spread_problem(near, minimum.point)
-        self.minimum = merge(refine(self.problem.evaluate, minimum.point[None], RefineSettings(join=None)))[0]
+        wide = spread_problem(near, minimum.point)
+        self.minimum = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))[0]
         self.covariance = laplace_covariance(self.minimum.hessian)
+        self.problem = wide.around(self.minimum.point, np.sqrt(np.diag(self.covariance)))
         self.tests, self.free = near.tests, near.space.names
         self.settings, self.seed, self.limit = SampleSettings(), seed, limit
 

@@ -59,6 +59,13 @@ def _lane_counts(shape: Shape) -> tuple[int, int]:
     return width, 4 * width if carried <= _FEW_CARRIED else 2 * width
 
 
+def _until(switches: tuple[Array, Array], drive: Drive) -> tuple[Array, Array]:
+    """The switches before the end of a drive."""
+    before, after = switches
+    kept = after < (drive.samples - 1) * drive.step
+    return before[kept], after[kept]
+
+
 class Runner:
     """Runs parameter sets through tests, integrated as told.
 
@@ -93,9 +100,10 @@ class Runner:
         return other
 
     def renamed(self, drives: Sequence[Drive]) -> Runner:
-        """The same with other drives that differ in their measured outputs only."""
+        """The same with other drives whose inputs are those of the former as far as they go."""
         other = copy.copy(self)
         other.drives = tuple(drives)
+        other._switches = [_until(own, drive) for own, drive in zip(self._switches, drives, strict=True)]
         return other
 
     def with_drives(self, drives: Sequence[Drive]) -> Runner:

@@ -51,7 +51,20 @@ def test_width_is_that_of_the_estimate(rng):
 def test_no_direction_is_stretched():
     design, covariance = design_of(), autoregressive(200, 0.8)
     adjustment = adjust(score_of(design, covariance, np.zeros(200)), np.full(4, 0.5), with_gap=False)
-    assert np.max(np.abs(np.linalg.eigvals(adjustment.map))) == pytest.approx(1.0)
+    assert np.linalg.norm(adjustment.map, 2) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_map_moves_the_posterior_least(seed):
+    """Symmetric and positive definite, which the optimal transport between Gaussians alone is."""
+    rng = np.random.default_rng(seed)
+    design = rng.normal(size=(200, 3)) @ np.diag([1.0, 1e-2, 1e-4]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    score = score_of(design, autoregressive(200, 0.8), np.zeros(200))
+    adjustment = adjust(score, np.full(3, 0.5), with_gap=False)
+    np.testing.assert_allclose(adjustment.map, adjustment.map.T, atol=1e-6)
+    assert np.linalg.eigvalsh(adjustment.map)[0] > 0
+    curvature = adjustment.scale * adjustment.map @ score.normal[0] @ adjustment.map
+    np.testing.assert_allclose(curvature, adjustment.precision, atol=1e-7 * np.abs(curvature).max())
 
 
 def test_centre_that_a_prior_has_moved(rng):

@@ -10,6 +10,7 @@ from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign_file import read_campaign
 from mofit.few_steps import in_few_steps
 from mofit.library import find_model
+from mofit.one_period import in_one_period
 from mofit.posing import choose_tests, dynamic_problem
 from mofit.refine import merge, refine
 from mofit.score import score
@@ -73,6 +74,33 @@ def test_few_steps_say_what_many_do(fitted):
     u = np.clip(np.random.default_rng(2).multivariate_normal(point, 2 * covariance, 40), 0, 1)
     np.testing.assert_allclose(quick.log_posterior(u), wide.log_posterior(u), atol=0.02)
     assert quick.log_posterior(point[None])[0] == pytest.approx(wide.log_posterior(point[None])[0], abs=1e-9)
+
+
+def test_one_period_says_what_all_do(fitted):
+    """Folded data give the same squares but for a constant, from a fraction of the samples; transients stay."""
+    problem, point = fitted
+    sd = np.sqrt(np.diag(np.linalg.inv(spread_problem(problem, point).hessian)))
+    near = problem.near(point[None], sd)
+    cut = in_one_period(near, point, sd)
+    assert sum(drive.samples for drive in cut.drives) < 0.5 * sum(drive.samples for drive in near.drives)
+    for own, whole in zip(cut.drives, near.drives, strict=True):
+        assert own.samples * own.step > 2 / 4  # the first judged period of the quickest sine is never settled
+        np.testing.assert_allclose(own.weights.sum(), whole.weights.sum())
+    u = point + sd * np.random.default_rng(3).uniform(-2, 2, (20, 3))
+    change = [own.squares(u) - own.squares(point[None]) for own in (cut, near)]
+    np.testing.assert_allclose(change[0], change[1], rtol=1e-3)
+
+
+def test_a_response_that_never_repeats_is_kept_whole(fitted):
+    problem, point = fitted
+    near = problem.near(point[None], np.full(3, 0.01))
+    records = tuple(replace(record, period=None) for record in near.records)
+    kept = in_one_period(replace(near, records=records), point, np.full(3, 0.01))
+    assert kept.drives == near.drives
+    # one whose samples never meet the same phase again
+    records = tuple(replace(record, period=record.period * 1.01234) for record in near.records)
+    kept = in_one_period(replace(near, records=records), point, np.full(3, 0.01))
+    assert kept.drives == near.drives
 
 
 def test_few_steps_are_refused_where_their_fault_varies(fitted):
