@@ -152,15 +152,14 @@ class _Case:
         return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
 
     def leads(self, factor: float) -> bool:
-        """Whether one effect is named and removes so many times as much of the gap as any other does."""
-        total = sum(self.before.squares.values())
-        removed = {
-            explanation.effects: total - sum(locate(explanation.fitted).squares.values())
+        """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""
+        left: dict[tuple[str, ...], float] = {
+            explanation.effects: sum(locate(explanation.fitted).squares.values())
             for explanation in self.found.explanations
-            if explanation.effects
+            if len(explanation.effects) == 1
         }
-        best = removed.pop(self.found.best.effects, 0.0)
-        return self.conclusion.verdict == "effect" and best > factor * max(removed.values(), default=0.0)
+        best = left.pop(self.found.best.effects, np.inf)
+        return self.conclusion.verdict == "effect" and factor * best < min(left.values(), default=np.inf)
 
     @property
     def relative_gap(self) -> float:

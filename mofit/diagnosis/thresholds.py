@@ -30,7 +30,7 @@ class Thresholds:
     coarse_share
         and the one effect that does best is named if it leaves no more than this share of the gap's squares,
     coarse_lead
-        and removes this many times as much as any other effect does.
+        any other leaving this many times as much.
     alike
         Difference of the information criterion below which explanations count as alike.
     promising, hopeless
@@ -53,7 +53,7 @@ class Thresholds:
     left_of_peak: float = 2e-4
     coarse: float = 0.02
     resolution: float = 0.1
-    coarse_share: float = 0.6
+    coarse_share: float = 0.4
     coarse_lead: float = 2.0
     alike: float = 6.0
     promising: float = 0.25
