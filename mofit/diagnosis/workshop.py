@@ -29,4 +29,4 @@ class Workshop:
         key = (system.hash(), tuple(free))
         if key not in self._kept:
             self._kept[key] = Simulator(system, drives, free, jobs=self.jobs, steps=steps)
-        return system, self._kept[key].with_drives(drives, steps)
+        return system, self._kept[key].on_tests(drives, steps)

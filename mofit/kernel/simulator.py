@@ -103,7 +103,7 @@ class Simulator:
         other._stepping = self._stepping.renamed(self.drives, other.drives)
         return other
 
-    def with_drives(self, drives: Sequence[Drive], steps: int) -> Simulator:
+    def on_tests(self, drives: Sequence[Drive], steps: int) -> Simulator:
         """The same on other tests, with a fixed number of Runge-Kutta steps; code is shared."""
         raise_errors(fault for drive in drives for fault in drive.faults(self.system))
         other = self.with_steps(steps)
