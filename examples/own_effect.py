@@ -1,6 +1,7 @@
 """An effect of your own: copy, change, run.
 
-mofit identify campaign.nc --effect examples/own_effect.py:Backlash
+mofit diagnose campaign.nc --effects examples/own_effect.py
+mofit identify campaign.nc --effect examples/own_effect.py
 """
 
 import casadi as ca
@@ -9,15 +10,17 @@ from mofit.model import Applied, Effect
 from mofit.parameters import Parameter
 
 
-class Backlash(Effect):
-    """Play: within plus and minus half the gap nothing is transmitted, beyond it the rest of the angle or stroke."""
+class DeadZone(Effect):
+    """Within plus and minus half the gap nothing is transmitted, beyond it the rest of the angle or stroke."""
 
-    name = "backlash"
-    title = "play of the steering or the clamping"
-    # what it acts on: an input, an output or a quantity that the model announces; the first that the model has
+    name = "dead_zone"
+    title = "dead zone of the steering or the clamping"
+    # what it acts on: an input, an output, a parameter, a condition or a quantity that the model announces; the first
+    # that the model has
     on = ("slip_angle", "deflection")
-    # at its neutral value the model must be unchanged
-    parameters = (Parameter("gap", "1", 0.0, 0.01, 1e-3, description="width of the play", neutral=0.0),)
+    # at its neutral value the model must be unchanged; one without would say nothing while the effect is not there,
+    # and state a grid of values to try
+    parameters = (Parameter("gap", "rad", 0.0, 0.01, 1e-3, description="width of the dead zone", neutral=0.0),)
 
     def apply(self, s, value):
         """The quantity with the effect; an effect with states returns their rates as well."""

@@ -40,6 +40,7 @@ _HOMES = {
             "with_effects",
         )
     },
+    "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
     "identify": ("mofit.identify", "identify"),
     "open": ("mofit.result", "open_result"),
     "simulate": ("mofit.simulate", "simulate"),
@@ -60,6 +61,7 @@ __all__ = [
     "Stage",
     "Symbols",
     "__version__",
+    "diagnose",
     "identify",
     "open",
     "read_campaign",

@@ -13,6 +13,11 @@ from mofit.signals import Record, settled_samples, smooth_derivative
 
 Array = NDArray[np.float64]
 
+#: input that every test has: time since its first sample, s
+TIME = "time"
+#: conditions that a test has of itself, see `all_conditions`
+EVERY_TEST = ("sample_interval", "start_time")
+
 
 def first_input(model: Model) -> str:
     """The channel that excites the model, from which a test's period is taken."""
@@ -23,12 +28,18 @@ def require(model: Model, campaign: Campaign) -> None:
     """Refuse a campaign that lacks channels or conditions of the model, naming every one."""
     if not campaign.measurements:
         raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
+    raise_errors(lacking(model, campaign))
+
+
+def lacking(model: Model, campaign: Campaign) -> list[Fault]:
+    """Every channel and condition of the model that a test of the campaign lacks."""
     faults = []
     for measurement in campaign.measurements:
         have = {**measurement.procedure.inputs, **measurement.outputs}
+        conditions = all_conditions(measurement.procedure)
         for channel in (*model.inputs, *model.outputs):
             source = channel.derivative_of or channel.name
-            if source not in have:
+            if source not in have and source != TIME:
                 faults.append(
                     Fault(
                         f"test '{measurement.name}'",
@@ -37,7 +48,7 @@ def require(model: Model, campaign: Campaign) -> None:
                     )
                 )
         for condition in model.conditions:
-            if condition.default is None and condition.name not in measurement.procedure.conditions:
+            if condition.default is None and condition.name not in conditions:
                 faults.append(
                     Fault(
                         f"test '{measurement.name}'",
@@ -45,7 +56,13 @@ def require(model: Model, campaign: Campaign) -> None:
                         "Add it to the campaign's root or to the test's group",
                     )
                 )
-    raise_errors(faults)
+    return faults
+
+
+def all_conditions(procedure: Procedure) -> dict[str, float]:
+    """Conditions of a test with those that it has of itself: ``sample_interval`` and ``start_time``, in s."""
+    start = {} if procedure.start_time is None else {"start_time": procedure.start_time}
+    return {"sample_interval": procedure.step, **start, **procedure.conditions}
 
 
 def to_drive(model: Model, measurement: Measurement, record: Record, settled: bool) -> Drive:
@@ -55,6 +72,7 @@ def to_drive(model: Model, measurement: Measurement, record: Record, settled: bo
     """
     procedure = measurement.procedure
     columns: dict[str, Array] = {**procedure.inputs, **measurement.outputs}
+    columns[TIME] = procedure.time - procedure.time[0]
     derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
     for name in derived:
         # the smoothed signal goes with its derivative, so that both describe one motion
@@ -69,10 +87,8 @@ def to_drive(model: Model, measurement: Measurement, record: Record, settled: bo
         raise InputError.of(
             f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
         )
-    conditions = [
-        procedure.conditions.get(condition.name, condition.default)
-        for condition in model.conditions
-    ]  # fmt: skip
+    given = all_conditions(procedure)
+    conditions = [given.get(condition.name, condition.default) for condition in model.conditions]
     return Drive(
         name=measurement.name,
         step=procedure.step,

@@ -1,4 +1,4 @@
-"""From a campaign file and names to a finished run: what the command ``mofit identify`` does."""
+"""From a campaign file and names to a finished folder: what ``mofit identify`` and ``mofit diagnose`` do."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from mofit.identify import Settings, identify
 from mofit.library import find_effect, find_model
 from mofit.model import Model, with_effects
 from mofit.progress import Progress, silent
+from mofit.run import plan_folder
 from mofit.summary import summary
 
 #: Model taken for a campaign whose channels are these, where none is named.
@@ -75,6 +76,43 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
         campaign, model, job.settings, tests=tests, out=job.out, resume=job.resume, progress=progress
     )
     return folder, summary(tree, folder)
+
+
+def diagnose_file(
+    file: Path | None,
+    model: str | None,
+    effects: Sequence[str],
+    tests: Sequence[str],
+    settings: Settings,
+    out: Path | None,
+    progress: Progress = silent,
+) -> tuple[Path, dict[str, Any]]:
+    """Read, diagnose, write ``diagnosis.html`` and ``diagnosis.json`` into a folder; see `diagnose`.
+
+    Returns
+    -------
+    folder
+        The folder: ``out``, or the next free one under ``runs/``.
+    summary
+        What ``--json`` prints.
+    """
+    from mofit.diagnosis.diagnose import diagnose
+    from mofit.diagnosis.page_data import page_data
+    from mofit.diagnosis.summary import summary as plain
+    from mofit.report.diagnosis import write_diagnosis
+
+    if file is None:
+        progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
+    campaign = read_campaign(bundled_campaign() if file is None else file)
+    chosen = find_model(model) if model else model_for(campaign)
+    configuration = {"campaign": campaign.hash(), "model": chosen.name, "effects": list(effects), "seed": settings.seed}
+    folder = plan_folder(out, f"diagnosis-{chosen.name}", configuration, resume=False)
+    found = diagnose(campaign, chosen, effects, settings, tests=_tests_named(campaign, tuple(tests)), progress=progress)
+    told = plain(found)
+    with folder.at_work(configuration) as unfinished:
+        progress("write", 0, 1, "page")
+        write_diagnosis({**page_data(found), **told, "campaign": campaign.title, "source": campaign.source}, unfinished)
+    return folder.target, told
 
 
 def model_for(campaign: Campaign) -> Model:

@@ -36,6 +36,8 @@ class Parameter:
         A few words for tables and reports.
     neutral
         For effects: the value at which the effect vanishes.
+    grid
+        For effects: values to try of a parameter that means nothing while the effect is not there.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Parameter:
     scale: Literal["linear", "log"] = "linear"
     description: str = ""
     neutral: float | None = None
+    grid: tuple[float, ...] = ()
 
     def faults(self) -> list[Fault]:
         """Everything that makes this parameter unusable."""
@@ -71,6 +74,13 @@ class Parameter:
             found.append(
                 Fault(where, f"a log scale needs a lower bound above 0, got {self.lower:g}", "Raise it or use 'linear'")
             )
+        special = {"neutral value": () if self.neutral is None else (self.neutral,), "grid value": self.grid}
+        found += [
+            Fault(where, f"{what} {value:g} lies outside [{self.lower:g}, {self.upper:g}]", "Move it inside the bounds")
+            for what, values in special.items()
+            for value in values
+            if not self.lower <= value <= self.upper
+        ]
         return found
 
 

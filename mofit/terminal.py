@@ -81,6 +81,31 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}", highlight=False)
 
 
+def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
+    """The verdict, the effects, and what to do next."""
+    console = terminal_console()
+    console.print(found["sentence"], style="bold", highlight=False)
+    where = found["where"]
+    if where["spots"]:
+        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)", highlight=False)
+    if found["effects"]:
+        table = Table(box=SIMPLE)
+        for heading in ("effect", "probability", "size", "5 %", "95 %", "unit"):
+            table.add_column(heading, justify="left" if heading in ("effect", "unit") else "right")
+        for effect in found["effects"]:
+            sizes = [f"{effect[key]:.4g}" for key in ("size", "size_low", "size_high")]
+            table.add_row(effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
+        console.print(table)
+    if shrinkage := found["shrinkage"]:
+        share = [f"{100 * shrinkage[key]:.1f}" for key in ("confirmed", "low", "high")]
+        console.print(
+            f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).", highlight=False
+        )
+    if found["next_test"]:
+        console.print(found["next_test"]["sentence"], highlight=False)
+    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}", highlight=False)
+
+
 def show_table(rows: Sequence[Mapping[str, Any]], settings: Mapping[str, Any]) -> None:
     """Rows of a benchmark as a table, its settings below."""
     from mofit.bench.page import cell, headings

@@ -23,6 +23,8 @@ _HALVINGS = 20
 _LOOKS = 8
 #: bisections from there; to about 1e-16 of the interval
 _BISECTIONS = 48
+#: tests whose switches are remembered
+_REMEMBERED = 256
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,12 @@ def find_switches(system: System, drive: Drive) -> tuple[Array, Array]:
     Only switches that inputs and conditions decide alone: they are the same for all parameter
     sets. A step across a kink would be of second order only.
     """
-    program = _switch_program(system)
+    return _find(_switch_program(system), drive)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _find(program: Program, drive: Drive) -> tuple[Array, Array]:
+    """The same for the functions whose sign decides; models that share them share the answer."""
     count = len(program.outputs[0])
     if count == 0 or drive.samples < 2:
         return np.empty(0), np.empty(0)
@@ -123,12 +130,12 @@ def _separate(low: Array, high: Array, step: float) -> tuple[Array, Array]:
     return low[new], high[new]
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=_REMEMBERED)
 def _switch_program(system: System) -> Program:
     """The functions of inputs and conditions whose sign decides a branch, as one output."""
     x, u, p, c = (ca.SX.sym(name, *system.rhs.size_in(name)) for name in ("x", "u", "p", "c"))
-    whole = ca.Function("whole", [x, u, p, c], [ca.densify(ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c)))])
-    program = trace(whole)
+    both = ca.Function("whole", [x, u, p, c], [ca.densify(ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c)))])
+    program = trace(both)
     levels = program.levels((LANE, TIME, LANE, 0))
     nodes, found = list(program.nodes), set()
     for node in program.nodes:
@@ -138,4 +145,10 @@ def _switch_program(system: System) -> Program:
             nodes.append(Node(ca.OP_SUB, node.args))
             levels.append(levels[node.args[0]] | levels[node.args[1]])
             found.add(len(nodes) - 1)
-    return Program(tuple(nodes), (tuple(sorted(index for index in found if levels[index] == TIME)),))
+    roots = sorted(index for index in found if levels[index] == TIME)
+    whole = Program(tuple(nodes), (tuple(roots),))
+    # only what they need, so that models that differ elsewhere have the same program
+    kept = sorted(whole.needed(roots))
+    place = {index: number for number, index in enumerate(kept)}
+    pruned = tuple(nodes[index]._replace(args=tuple(place[arg] for arg in nodes[index].args)) for index in kept)
+    return Program(pruned, (tuple(place[index] for index in roots),))

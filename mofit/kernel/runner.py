@@ -87,6 +87,8 @@ class Runner:
         order = [system.parameters.index(name) for name in self.free]
         self._order = order + [index for index in range(len(system.parameters)) if index not in order]
         self._switches = [find_switches(system, drive) for drive in self.drives]
+        # compiled for all tests, and with the tables of these
+        self._compiled: dict[tuple[str, bool, bool, bool], Variant] = {}
         self._variants: dict[tuple[str, bool, bool, bool], Variant] = {}
         self._pool = ThreadPoolExecutor(jobs) if jobs > 1 else None
 
@@ -102,6 +104,14 @@ class Runner:
         other = copy.copy(self)
         other.drives = tuple(drives)
         other._switches = [_until(own, drive) for own, drive in zip(self._switches, drives, strict=True)]
+        return other
+
+    def with_drives(self, drives: Sequence[Drive]) -> Runner:
+        """The same on other tests; compiled code is shared, tables are not."""
+        other = copy.copy(self)
+        other.drives = tuple(drives)
+        other._variants = {}
+        other._switches = [find_switches(self.system, drive) for drive in drives]
         return other
 
     def _shape(self, derivatives: bool) -> Shape:
@@ -162,7 +172,9 @@ class Runner:
     def _variant(self, rung: Rung, derivatives: bool, reduce: bool, spread: bool) -> Variant:
         key = (rung.scheme.name, derivatives, reduce, spread)
         if key not in self._variants:
-            self._variants[key] = Variant(self.system, self.free, rung.scheme, derivatives, reduce, spread)
+            if key not in self._compiled:
+                self._compiled[key] = Variant(self.system, self.free, rung.scheme, derivatives, reduce, spread)
+            self._variants[key] = self._compiled[key].without_tables()
         return self._variants[key]
 
     def _run(

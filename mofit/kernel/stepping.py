@@ -49,7 +49,8 @@ class Stepping:
         self._drives = {drive: index for index, drive in enumerate(drives)}
         self._tolerance, self._box = tolerance, box
         # without states there is nothing to integrate
-        self._fixed = steps if system.states else 1
+        self._static = not system.states
+        self._fixed = 1 if self._static else steps
         self._calibrated: tuple[list[Rule], Stiffness] | None = None
         self._remembered: OrderedDict[bytes, list[Rung]] = OrderedDict()
 
@@ -60,10 +61,15 @@ class Stepping:
         return other
 
     def fixed(self, steps: int) -> Stepping:
-        """The same with a fixed number of explicit steps."""
+        """The same with a fixed number of Runge-Kutta steps."""
         other = copy.copy(self)
-        other._fixed = steps
+        other._fixed = 1 if self._static else steps
         return other
+
+    @property
+    def steps(self) -> int | None:
+        """The fixed number of steps; None if they are chosen."""
+        return self._fixed
 
     def renamed(self, drives: Sequence[Drive], others: Sequence[Drive]) -> Stepping:
         """The same for other drives that are integrated like these."""

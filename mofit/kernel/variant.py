@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -73,6 +74,12 @@ class Variant:
         self.substep = Split(program, levels, (1,))
         self._codes: dict[tuple[bool, int], Code] = {}
         self._tables: OrderedDict[tuple[Drive, int, bytes], Table] = OrderedDict()
+
+    def without_tables(self) -> Variant:
+        """The same, compiled code shared, with no tables yet."""
+        other = copy.copy(self)
+        other._tables = OrderedDict()
+        return other
 
     def code(self, refined: bool, lanes: int) -> Code:
         """The compiled loop, with or without further steps within a sampling interval."""

@@ -33,18 +33,29 @@ def tyre_motion(s: Symbols, y: ca.SX, extra_force: ca.SX | float = 0.0) -> tuple
         \quad\Rightarrow\quad
         \dot y = \frac{v^*}{v^* d_y + f_G} \, \bigl(f_G s - F_c - F_x\bigr)
 
-    which is eq. (5). Announces ``steady_state_force``, ``deflection_mobility`` (:math:`\dot y` per newton, m/(N s)),
-    ``deflection_rate`` and ``damper_force``. The force returned is that of the contact patch, so that an effect on
-    the rate (a force in parallel that depends on it) reaches the output too.
+    which is eq. (5). Announces ``elastic_force`` (:math:`F_c + F_x`), ``slip_stiffness``, ``steady_state_force``,
+    ``deflection_mobility`` (:math:`\dot y` per newton, m/(N s)), ``deflection_rate`` and ``damper_force``. The force
+    returned is that of the contact patch, so that an effect on the rate (a force in parallel that depends on it)
+    reaches the output too.
     """
+    # the carcass first: what the force does to the slip (compliance, load) then knows it
+    elastic = s.quantity("elastic_force", carcass_force(s, y) + extra_force)
     slip, transport = lateral_slip(s)
     slope = s.quantity("slip_stiffness", slip_stiffness(s, slip))
     steady = s.quantity("steady_state_force", slope * slip)
-    elastic = carcass_force(s, y) + extra_force
     mobility = s.quantity("deflection_mobility", transport / (transport * s.d_y + slope))
     rate = s.quantity("deflection_rate", mobility * (steady - elastic))
     s.quantity("damper_force", s.d_y * rate)
     return rate, steady - slope * rate / transport
+
+
+def contact_force(s: Symbols, slope: ca.SX, slip: ca.SX, transport: ca.SX) -> ca.SX:
+    r"""Lateral force [N] of the model at its present deflection and another slip, for effects that need it early.
+
+    The two equations of `tyre_motion` without the rate:
+    :math:`F = f_G \, (F_c + F_x + d_y v^* s) / (v^* d_y + f_G)`.
+    """
+    return slope * (s.quantities["elastic_force"] + s.d_y * transport * slip) / (transport * s.d_y + slope)
 
 
 def resting_deflection(s: Symbols) -> ca.SX:

@@ -39,7 +39,10 @@ def load_class(reference: str, kind: type[T]) -> type[T]:
     found = {
         key: value
         for key, value in vars(module).items()
-        if inspect.isclass(value) and issubclass(value, kind) and value.__module__ == module.__name__
+        if inspect.isclass(value)
+        and issubclass(value, kind)
+        and value.__module__ == module.__name__
+        and not inspect.isabstract(value)
     }
     if name and name in found:
         return found[name]

@@ -23,7 +23,7 @@ class Symbols:
     effects
         ``(effect, target)`` pairs: each acts on the quantity of that name, in order.
     inputs
-        Names of the inputs; effects act on them at first use.
+        Names of the inputs; effects act on them at first use, as they do on parameters and conditions.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class Symbols:
         effects: Sequence[tuple[Effect, str]] = (),
     ) -> None:
         self._values = dict(base)
-        self._pending = set(inputs)
+        self._pending = {*inputs, *(target for _, target in effects if target in base)}
         self._effects = tuple(effects)
         #: rates and initial values of the effects' states, filled as quantities are announced
         self.rates: dict[str, ca.SX] = {}
@@ -50,6 +50,9 @@ class Symbols:
             values[name] = self.quantity(name, values[name])
         return values[name]
 
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
     def quantity(self, name: str, value: ca.SX) -> ca.SX:
         """Announce a named quantity; returns it with every effect that acts on it applied."""
         for effect, target in self._effects:
@@ -58,5 +61,6 @@ class Symbols:
                 value = applied.value
                 self.rates.update(applied.rates)
                 self.initial.update(applied.initial)
+                self._values.update(applied.also)
         self.quantities[name] = value
         return value

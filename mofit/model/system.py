@@ -118,10 +118,14 @@ def _assemble(
     xdot = _column(where, rates, groups["x"])
     y = _column(where, outputs, output_names)
     x0 = _column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"])
-    for _ in groups["x"]:
+    for _ in range(len(groups["x"]).bit_length() + 1):
         # an initial value may build on another one: an effect's state starts from the model's, or the reverse
+        # (every round doubles the depth that is resolved)
         if ca.depends_on(x0, x):
             x0 = ca.SX(ca.substitute(x0, x, x0))
+    if ca.depends_on(x0, x):
+        # an effect feeds a state back onto the model's input, so that rest is implicit: iterated from zero
+        x0 = ca.SX(ca.substitute(x0, x, ca.SX.zeros(x.shape)))
     quantities = tuple(symbols.quantities)
     named = _column(where, symbols.quantities, quantities)
     try:

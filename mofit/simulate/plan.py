@@ -36,10 +36,21 @@ class _Strict(BaseModel):
 
 
 class EffectPlan(_Strict):
-    """An effect by name and the values of its parameters (nominal where left out)."""
+    """An effect by name, the values of its parameters (nominal where left out) and the kinds of tests that it joins.
+
+    Without ``kinds`` it joins all tests.
+    """
 
     name: str
     parameters: dict[str, Quantity] = Field(default_factory=dict)
+    kinds: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _known_kinds(self) -> EffectPlan:
+        for kind in self.kinds:
+            if kind not in NEEDED:
+                raise ValueError(f"unknown kind '{kind}'. {did_you_mean(kind, NEEDED)}")
+        return self
 
 
 class NoisePlan(_Strict):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from mofit.campaign import Campaign, Measurement, Procedure
+from mofit.drives import TIME, all_conditions
 from mofit.errors import InputError
 from mofit.kernel import Drive, Simulator
 from mofit.model import build_system
@@ -51,7 +52,7 @@ def run_plan(plan: Plan, where: str = "plan") -> Campaign:
     measurements, clock = [], 0.0
     for test in setup.tests:
         signal = excitation(test.plan.kind, test.settings, test.plan.lines, rng)
-        channels = respond(setup, test, signal)
+        channels = respond(setup, test, signal, clock)
         noisy = {
             name: values + noise(values, rng, **setup.noise[name]) if name in setup.noise else values
             for name, values in channels.items()
@@ -68,19 +69,23 @@ def run_plan(plan: Plan, where: str = "plan") -> Campaign:
     )
 
 
-def respond(setup: Setup, test: TestSetup, signal: Excitation) -> dict[str, Array]:
-    """Channels of one test without noise: the driven input and the outputs, shape (n,) each."""
+def respond(setup: Setup, test: TestSetup, signal: Excitation, start: float) -> dict[str, Array]:
+    """Channels of one test without noise: the driven input and the outputs, shape (n,) each.
+
+    ``start`` is the time since the campaign began, s.
+    """
     source, system = test.source, build_system(test.source)
     # for an exact signal the spline's slope is as good as the derivative
     slope = CubicSpline(signal.time, signal.values).derivative()(signal.time)
     driven = next(channel.name for channel in source.inputs if channel.derivative_of is None)
-    conditions = {**setup.conditions, **test.conditions}
+    columns = {TIME: signal.time, driven: signal.values}
+    conditions = all_conditions(_procedure(test, signal, columns, start, setup.conditions))
     p = np.array([setup.values[name] for name in system.parameters])
     shape = (len(signal.time), len(system.outputs))
     drive = Drive(
         name=test.plan.name,
         step=1 / test.settings["sample_rate"],
-        inputs=np.stack([slope if c.derivative_of else signal.values for c in source.inputs], axis=1),
+        inputs=np.stack([slope if c.derivative_of else columns[c.name] for c in source.inputs], axis=1),
         hold=signal.hold,
         conditions=np.array([conditions.get(c.name, c.default) for c in source.conditions], dtype=float),
         measured=np.zeros(shape),
@@ -96,19 +101,32 @@ def respond(setup: Setup, test: TestSetup, signal: Excitation) -> dict[str, Arra
 
 def _measurement(test: TestSetup, signal: Excitation, channels: Mapping[str, Array], start: float) -> Measurement:
     outputs = {channel.name for channel in test.source.outputs}
-    procedure = Procedure(
+    inputs = {name: values for name, values in channels.items() if name not in outputs}
+    units = {c.name: c.unit for c in (*test.source.inputs, *test.source.outputs) if c.name in channels}
+    return Measurement(
+        _procedure(test, signal, inputs, start), {name: channels[name] for name in sorted(outputs)}, units
+    )
+
+
+def _procedure(
+    test: TestSetup,
+    signal: Excitation,
+    inputs: Mapping[str, Array],
+    start: float,
+    common: Mapping[str, float] | None = None,
+) -> Procedure:
+    """The test as a procedure, with the conditions of its own on top of ``common`` ones."""
+    return Procedure(
         name=test.plan.name,
         kind=test.plan.kind,
         time=signal.time,
-        inputs={name: values for name, values in channels.items() if name not in outputs},
-        conditions=test.conditions,
+        inputs=inputs,
+        conditions={**(common or {}), **test.conditions},
         frequency=signal.frequency,
         amplitude=test.settings["amplitude"],
         start_time=start,
         hold=signal.hold,
     )
-    units = {c.name: c.unit for c in (*test.source.inputs, *test.source.outputs) if c.name in channels}
-    return Measurement(procedure, {name: channels[name] for name in sorted(outputs)}, units)
 
 
 def _attributes(plan: Plan, values: Mapping[str, float]) -> dict[str, Any]:

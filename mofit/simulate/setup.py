@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from mofit.drives import EVERY_TEST
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.labels import CONDITIONS
 from mofit.library import find_effect, find_model
-from mofit.model import Effect, Model, build_system, with_effects
-from mofit.model.extended import quantity_names
+from mofit.model import Effect, Model, build_system, why_not, with_effects
 from mofit.readers.map_file import Quantity, quantity
 from mofit.simulate.plan import NoisePlan, Plan, TestPlan
 
@@ -60,8 +60,9 @@ def set_up(plan: Plan, where: str) -> Setup:
     values = _values(f"{where}, parameters", model, plan.parameters, faults)
     for effect, entry in zip(effects, plan.effects, strict=True):
         values |= _values(f"{where}, effect '{effect.name}'", effect, entry.parameters, faults)
+    limited = [(effect, entry.kinds) for effect, entry in zip(effects, plan.effects, strict=True)]
     tests = tuple(
-        _test(test, model, effects, conditions, f"{where}, test '{test.name}'", faults) for test in plan.tests
+        _test(test, model, limited, conditions, f"{where}, test '{test.name}'", faults) for test in plan.tests
     )
     setup = Setup(
         values=values,
@@ -124,17 +125,17 @@ def _conditions(
 def _test(
     test: TestPlan,
     model: Model,
-    effects: tuple[Effect, ...],
+    effects: Sequence[tuple[Effect, tuple[str, ...]]],
     conditions: Mapping[str, float],
     where: str,
     faults: list[Fault],
 ) -> TestSetup:
-    source = _source(model, effects, test.kind)
+    source = _source(model, [effect for effect, kinds in effects if not kinds or test.kind in kinds], test.kind)
     own, _ = _conditions(test.conditions, model, where, faults)
     faults += [
         Fault(where, f"model '{source.name}' needs condition '{c.name}' in {c.unit}", "Add it under [conditions]")
         for c in source.conditions
-        if c.default is None and c.name not in {**conditions, **own}
+        if c.default is None and c.name not in {**conditions, **own} and c.name not in EVERY_TEST
     ]
     unit = next(channel.unit for channel in source.inputs if channel.derivative_of is None)
     units = {**_UNITS, "amplitude": unit, "ramp_rate": f"{unit}/s"}
@@ -148,12 +149,11 @@ def _test(
     return TestSetup(test, source, settings, own)
 
 
-def _source(model: Model, effects: tuple[Effect, ...], kind: str) -> Model:
+def _source(model: Model, effects: Sequence[Effect], kind: str) -> Model:
     """What answers to a test of this kind, with the effects that can act on it."""
     stages = [stage for stage in model.stages if kind in stage.procedures and not stage.settled]
     base = find_model(stages[0].model) if stages else model
-    names = set(quantity_names(base))
-    return with_effects(base, *(effect for effect in effects if names & set(effect.on)))
+    return with_effects(base, *(effect for effect in effects if why_not(effect, base) is None))
 
 
 def _noise(

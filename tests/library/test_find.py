@@ -50,7 +50,7 @@ def test_unknown_name_gets_the_closest_one(find, name, hint):
 def test_own_model_and_effect_come_from_a_file():
     model = find_model(f"{EXAMPLES / 'own_model.py'}:ZenerDamper")
     assert build_system(model).states == ("branch_force",)
-    effect = find_effect(f"{EXAMPLES / 'own_effect.py'}:Backlash")
+    effect = find_effect(f"{EXAMPLES / 'own_effect.py'}:DeadZone")
     assert effect.parameters
 
 

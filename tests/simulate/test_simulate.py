@@ -185,3 +185,42 @@ def test_table_5_plan_is_the_maxwell_tyre_of_table_5():
     residual = test.outputs["lateral_force"] - exact
     assert np.std(residual) == pytest.approx(0.01 * np.ptp(exact), rel=0.1)
     assert abs(np.mean(residual)) < 4 * np.std(residual) / np.sqrt(len(residual))
+
+
+DRIFTING = """
+pause = "97 s"
+
+[[effects]]
+name = "drift"
+parameters = { k_t = RATE }
+kinds = ["chirp"]
+"""
+
+CHIRP = """
+[[tests]]
+name = "NAME"
+kind = "chirp"
+sample_rate = "200 Hz"
+amplitude = "10 mm"
+frequency = "1 Hz"
+last_frequency = "2 Hz"
+duration = "3 s"
+"""
+
+
+def test_effect_joins_the_kinds_it_is_given_and_knows_the_clock(run):
+    head, slow = DAMPER.split("[parameters]")
+    tests = "\n[parameters]" + slow + CHIRP.replace("NAME", "second") + CHIRP.replace("NAME", "third")
+    plain, drifting = (run(head + DRIFTING.replace("RATE", rate) + tests) for rate in ("0", "1e-3"))
+    assert drifting["slow"].outputs["force"] == pytest.approx(plain["slow"].outputs["force"])
+    for name, start in (("second", 100), ("third", 200)):
+        test, force = drifting[name], plain[name].outputs["force"]
+        assert test.procedure.start_time == pytest.approx(start, abs=0.02)
+        expected = force * (1 + 1e-3 * (test.procedure.start_time + test.time))
+        assert test.outputs["force"] == pytest.approx(expected)
+
+
+def test_unknown_kind_of_an_effect_is_a_fault(run):
+    plan = DAMPER + '\n[[effects]]\nname = "force_gain"\nkinds = ["sines"]\n'
+    with pytest.raises(InputError, match=r"unknown kind 'sines'.*Did you mean 'sine'"):
+        run(plan)

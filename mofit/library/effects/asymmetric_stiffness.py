@@ -22,6 +22,7 @@ class AsymmetricStiffness(Effect):
     name = "asymmetric_stiffness"
     title = "asymmetric stiffness"
     on = ("carcass_force", "spring_force")
+    needs = ("deflection",)
     parameters = (Parameter("k_a", "N/m", -5e4, 5e4, 1.2e3, description="half the difference", neutral=0.0),)
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:

@@ -19,7 +19,8 @@ class CubicStiffness(Effect):
     name = "cubic_stiffness"
     title = "cubic stiffness"
     on = ("carcass_force", "spring_force")
-    parameters = (Parameter("k_c", "N/m^3", -1e9, 1e9, 1e7, description="cubic stiffness", neutral=0.0),)
+    needs = ("deflection",)
+    parameters = (Parameter("k_c", "N/m^3", -1e9, 1e9, 2.2e7, description="cubic stiffness", neutral=0.0),)
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Spring force with the cubic term."""

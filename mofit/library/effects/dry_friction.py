@@ -25,7 +25,7 @@ class DryFriction(Effect):
     on = ("deflection_rate", "damper_force")
     parameters = (
         Parameter("F_d", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0),
-        Parameter("delta_d", "m", 1e-5, 5e-2, 2e-3, "log", "length over which the friction builds up"),
+        Parameter("delta_d", "m", 1e-5, 5e-2, 2e-3, "log", "length over which it builds up", grid=(5e-4, 2e-3, 8e-3)),
     )
     states = (Channel("friction", "1", "share of the friction force, z"),)
 

@@ -31,10 +31,13 @@ class RelaxationSpectrum(Effect):
     name = "relaxation_spectrum"
     title = "relaxation spectrum"
     on = ("carcass_force", "spring_force")
+    needs = ("deflection",)
+    # few campaigns tell it from a springpot or a second branch
+    candidate = False
     parameters = (
         Parameter("c_R", "N/m", 0.0, 2e5, 2e4, description="stiffness of all branches together", neutral=0.0),
-        Parameter("tau_R", "s", 1e-3, 10.0, 0.1, "log", "central relaxation time"),
-        Parameter("w_R", "1", 0.5, 6.0, 3.0, description="width in decades"),
+        Parameter("tau_R", "s", 1e-3, 10.0, 0.1, "log", "central relaxation time", grid=(0.015, 0.1)),
+        Parameter("w_R", "1", 0.5, 6.0, 3.0, description="width in decades", grid=(2.0, 4.0)),
     )
     states = tuple(Channel(f"relaxation_{i}", "m", f"internal displacement of branch {i}") for i in range(BRANCHES))
 

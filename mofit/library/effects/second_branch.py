@@ -22,9 +22,10 @@ class SecondBranch(Effect):
     name = "second_branch"
     title = "second Maxwell branch"
     on = ("carcass_force", "spring_force")
+    needs = ("deflection",)
     parameters = (
         Parameter("c_2", "N/m", 0.0, 1e5, 1.2e4, description="stiffness of the branch", neutral=0.0),
-        Parameter("tau_2", "s", 1e-3, 10.0, 0.05, "log", "relaxation time of the branch"),
+        Parameter("tau_2", "s", 1e-3, 10.0, 0.05, "log", "relaxation time of the branch", grid=(0.01, 0.05, 0.25, 1.0)),
     )
     states = (Channel("second_branch_displacement", "m", "internal displacement of the branch"),)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from mofit.report.display import THIN, badge, compact, listed, math_symbol, number, percent, symbol, with_sd
 from mofit.report.page import Block, Figure, Section, Table, Text
@@ -16,6 +15,7 @@ from mofit.report.posterior import FLAT
 from mofit.report.run import Array, Run
 from mofit.report.style import MEASURED, cluster_colour, image_of, legend_above, line_key, panels
 from mofit.report.uncertainty.directions import PRIOR_SD
+from mofit.result.agreement import cochran
 
 CHANCE = 0.01
 """p value below which the tests are said to disagree."""
@@ -50,35 +50,6 @@ class Homogeneity:
     def agree(self) -> bool | None:
         """Whether the tests agree; None where too few can be used."""
         return None if np.isnan(self.p) else self.p >= CHANCE
-
-
-def cochran(estimate: Array, sd: Array) -> tuple[float, float, float, float, float]:
-    r"""Pooled mean, its sd, Cochran's Q, its p value and I² of independent estimates (k,).
-
-    .. math:: \bar x = \frac{\sum x_i / \sigma_i^2}{\sum 1 / \sigma_i^2}, \quad
-              Q = \sum \frac{(x_i - \bar x)^2}{\sigma_i^2} \sim \chi^2_{k-1}, \quad
-              I^2 = \max\left(0, \frac{Q - (k - 1)}{Q}\right)
-
-    Notes
-    -----
-    I² is the share of the scatter between the estimates that their own spread does not explain. p and I² are nan for
-    fewer than two estimates.
-
-    References
-    ----------
-    Cochran: The combination of estimates from different experiments, Biometrics 10 (1954). Higgins, Thompson:
-    Quantifying heterogeneity in a meta-analysis, Statistics in Medicine 21 (2002).
-    """
-    if len(estimate) == 0:
-        return (float("nan"),) * 5
-    weight = 1 / sd**2
-    mean = float(np.sum(weight * estimate) / np.sum(weight))
-    q = float(np.sum(weight * (estimate - mean) ** 2))
-    freedom = len(estimate) - 1
-    spread = float(1 / np.sqrt(np.sum(weight)))
-    if freedom < 1:
-        return mean, spread, q, float("nan"), float("nan")
-    return mean, spread, q, float(chdtrc(freedom, q)), max(0.0, 1 - freedom / q) if q > 0 else 0.0
 
 
 def extract_homogeneity(run: Run, found: PerTest) -> list[Homogeneity]:

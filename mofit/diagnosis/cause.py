@@ -1,0 +1,123 @@
+"""An effect as an explanation: in the dynamic tests alone, or in the calibration tests too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.calibration import Calibration
+from mofit.diagnosis.workshop import Workshop
+from mofit.model import Effect, why_not, with_effects
+from mofit.parameters import ParameterSpace
+
+Array = NDArray[np.float64]
+
+#: Runge-Kutta steps per sample in the stages' tests, which are slow.
+_STEPS = 4
+#: Gauss-Newton iterations from the stage's own minimum to the one with the effect, which is close.
+_ITERATIONS = 4
+
+
+@dataclass(frozen=True)
+class Cause:
+    r"""An effect, where its grid stands, and what it did to the calibration.
+
+    With the effect's size a the stages would have found :math:`m + \Delta - b \, (a - a_0)` in place of m.
+
+    Parameters
+    ----------
+    effect
+        The effect.
+    point
+        Values of the parameters that mean nothing without it.
+    around
+        Size a_0 at which the stages were looked at, (q,).
+    moved
+        :math:`\Delta`, in the unit coordinates of the problem's space, (d,).
+    carried
+        b, per unit of the size, (d, q); zero where the calibration tests did not have the effect.
+    """
+
+    effect: Effect
+    point: Mapping[str, float]
+    around: Array
+    moved: Array
+    carried: Array
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether the calibration tests had the effect too."""
+        return bool(np.any(self.carried))
+
+
+def causes(
+    effect: Effect, space: ParameterSpace, calibrations: Sequence[Calibration], workshop: Workshop
+) -> list[Cause]:
+    """The effect at every point of its grid, in the dynamic tests alone and, where it moves the stages, in all."""
+    nothing = np.array([effect.neutral[name] for name in effect.size])
+    dynamic = [
+        Cause(effect, point, nothing, np.zeros(len(space)), np.zeros((len(space), len(effect.size))))
+        for point in effect.grid_points
+    ]
+    everywhere = [
+        recalibrated(cause, {**effect.neutral, **cause.point}, space, calibrations, workshop) for cause in dynamic
+    ]
+    return [*dynamic, *(cause for cause in everywhere if cause.everywhere)]
+
+
+def recalibrated(
+    cause: Cause,
+    values: Mapping[str, float],
+    space: ParameterSpace,
+    calibrations: Sequence[Calibration],
+    workshop: Workshop,
+) -> Cause:
+    """The cause with the stages fitted anew, the effect having these values in their tests."""
+    effect = cause.effect
+    moved, carried = np.zeros(len(space)), np.zeros((len(space), len(effect.size)))
+    for calibration in calibrations:
+        stage = calibration.problem
+        # effects that need the time or conditions of a test act on dynamic tests
+        if why_not(effect, stage.model) is not None or effect.inputs or effect.conditions:
+            continue
+        found, slope = _refitted(calibration, effect, values, workshop)
+        place = [space.index(name) for name in stage.space.names]
+        known = space.subset(stage.space.names)
+        moved[place] += known.to_unit(found) - known.to_unit(list(calibration.values.values()))
+        carried[place] += slope / known.slope(found)[:, None]
+    size = np.array([values[name] for name in effect.size])
+    return replace(cause, around=size, moved=np.nan_to_num(moved), carried=np.nan_to_num(carried))
+
+
+def _refitted(
+    calibration: Calibration, effect: Effect, values: Mapping[str, float], workshop: Workshop
+) -> tuple[Array, Array]:
+    """Estimates of a stage with the effect, (k,), and minus their derivative by the effect's size, (k, q)."""
+    stage = calibration.problem
+    free = (*stage.space.names, *effect.size)
+    system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
+    here = {**stage.fixed, **calibration.values, **effect.neutral, **values}
+    count = len(stage.space)
+    carried: Array = np.zeros((count, len(effect.size)))
+    for _ in range(_ITERATIONS if any(values[name] != effect.neutral[name] for name in effect.size) else 1):
+        stored = simulator.sensitivities(np.array([[here[name] for name in system.parameters]]))
+        normal, pull = np.zeros((count, count)), np.zeros((count, 1 + len(effect.size)))
+        for drive, weight, (output, slopes) in zip(stage.drives, stage.noise.weights, stored, strict=True):
+            weighted = slopes[0, ..., :count] * (weight * drive.weights)[..., None]
+            gap = (drive.measured - output[0])[..., None]
+            normal += np.einsum("nyi,nyj->ij", slopes[0, ..., :count], weighted)
+            pull += np.einsum("nyi,nyj->ij", weighted, np.concatenate([gap, slopes[0, ..., count:]], axis=-1))
+        step = np.linalg.solve(normal, pull)
+        carried = np.asarray(step[:, 1:], dtype=np.float64)
+        if any(values[name] != effect.neutral[name] for name in effect.size):
+            for name, change in zip(stage.space.names, step[:, 0], strict=True):
+                here[name] += float(change)
+    return np.array([here[name] for name in stage.space.names]), carried

@@ -1,0 +1,212 @@
+"""The diagnosis: where the gap lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.campaign import Campaign
+from mofit.diagnosis.agreement import Agreement, agreements
+from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
+from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
+from mofit.diagnosis.locate import Where, locate
+from mofit.diagnosis.next_test import NextTest, next_test
+from mofit.diagnosis.observed import Observed, with_discrepancy
+from mofit.diagnosis.several import Attribution, attribute
+from mofit.diagnosis.shrink import Shrinkage, shrink
+from mofit.diagnosis.thresholds import Thresholds
+from mofit.diagnosis.verdict import Conclusion, conclude
+from mofit.diagnosis.workshop import Workshop
+from mofit.model import Effect, Model
+from mofit.progress import Progress, silent
+from mofit.settings import Settings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that was found; see the modules of the parts.
+
+    Parameters
+    ----------
+    conclusion
+        Verdict, sentence, effects, group.
+    attribution
+        Every candidate and every explanation that was tried.
+    before, after
+        The gap located, without effects and with the best explanation.
+    agreements
+        Whether single tests agree on the model's parameters.
+    shrinkage, shrinkage_reason
+        How far the gap shrinks, or why that is not said.
+    next_test
+        What would tell alike explanations apart.
+    nrmsd_before, nrmsd_after, noise_floor
+        Per test.
+    left_out
+        Effects that could not be candidates, and why.
+    seconds
+        Processor time.
+    """
+
+    conclusion: Conclusion
+    attribution: Attribution
+    before: Where
+    after: Where
+    agreements: tuple[Agreement, ...]
+    shrinkage: Shrinkage | None
+    shrinkage_reason: str
+    next_test: NextTest | None
+    nrmsd_before: Mapping[str, float]
+    nrmsd_after: Mapping[str, float]
+    noise_floor: Mapping[str, float]
+    left_out: Mapping[str, str]
+    seconds: float = field(compare=False)
+
+
+def diagnose(
+    campaign: Campaign,
+    model: Model,
+    effects: Sequence[str] = (),
+    settings: Settings | None = None,
+    *,
+    tests: Sequence[str] = (),
+    thresholds: Thresholds | None = None,
+    workshop: Workshop | None = None,
+    progress: Progress = silent,
+) -> Diagnosis:
+    """Diagnose the gap between a campaign and a model.
+
+    Parameters
+    ----------
+    campaign
+        The measurements.
+    model
+        The model without effects.
+    effects
+        Candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join them.
+    settings
+        Bounds, fixed parameters, seed, threads; the rest is for identifications.
+    tests
+        Names of the tests; all of the model's kinds if none is named.
+    thresholds
+        Where lines are drawn.
+    workshop
+        Keeps compiled models from one campaign to the next.
+
+    Raises
+    ------
+    InputError
+        If campaign, model and effects don't fit together.
+    """
+    began = time.process_time()
+    settings, thresholds = settings or Settings(), thresholds or Thresholds()
+    observed, start = pose(model, campaign, settings, tests, workshop)
+    chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
+    case = _investigate(observed, start, chosen, settings, thresholds, progress)
+    if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
+        rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
+        here = case.found.baseline.minimum.point
+        again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
+        case = again if again.leads(thresholds.coarse_lead) else case
+    found, conclusion = case.found, case.conclusion
+    reason = _why_not(conclusion, found, thresholds)
+    progress("shrink", 0, 1, "")
+    shrinkage = None if reason else shrink(found, case.candidates, settings.seed)
+    return Diagnosis(
+        conclusion=conclusion,
+        attribution=found,
+        before=case.before,
+        after=case.after,
+        agreements=tuple(agreements(found.baseline)),
+        shrinkage=shrinkage,
+        shrinkage_reason=reason,
+        next_test=next_test(observed, conclusion.alike),
+        nrmsd_before=nrmsd(found.baseline),
+        nrmsd_after=nrmsd(found.best.fitted),
+        noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
+        left_out=left_out,
+        seconds=time.process_time() - began,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Case:
+    """One pass through screen, refits and conclusion."""
+
+    candidates: Sequence[Candidate]
+    found: Attribution
+    before: Where
+    after: Where
+    conclusion: Conclusion
+
+    @property
+    def coarseness(self) -> float:
+        """Largest gap of a test relative to its output's peak."""
+        where = self.before
+        return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
+
+    def leads(self, factor: float) -> bool:
+        """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""
+        left: dict[tuple[str, ...], float] = {
+            explanation.effects: sum(locate(explanation.fitted).squares.values())
+            for explanation in self.found.explanations
+            if len(explanation.effects) == 1
+        }
+        best = left.pop(self.found.best.effects, np.inf)
+        return self.conclusion.verdict == "effect" and factor * best < min(left.values(), default=np.inf)
+
+    @property
+    def relative_gap(self) -> float:
+        """Root mean square of the gap relative to the output's range, over all tests."""
+        # a range is about two peaks
+        squares = [
+            max(square, 0.0) / (2 * self.before.peaks[test]) ** 2 for test, square in self.before.squares.items()
+        ]
+        return float(np.sqrt(np.mean(squares)))
+
+
+def _investigate(
+    observed: Observed,
+    start: Array,
+    effects: Sequence[Effect],
+    settings: Settings,
+    thresholds: Thresholds,
+    progress: Progress,
+) -> _Case:
+    progress("baseline", 0, 1, "the model without effects")
+    baseline = fit_baseline(observed, start, settings.seed)
+    candidates = []
+    for number, effect in enumerate(effects):
+        progress("screen", number, len(effects), effect.name)
+        candidates.append(prepare(baseline, effect))
+    found = attribute(baseline, candidates, thresholds, progress)
+    before, after = locate(baseline), locate(found.best.fitted)
+    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds))
+
+
+def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:
+    """Why the shrinkage is not said; empty if it is."""
+    if conclusion.verdict == "none":
+        return "there is no gap"
+    if conclusion.verdict == "unknown":
+        return "none of the known effects explains the gap"
+    if len(found.baseline.hypothesis.observed.problem.tests) < 2:
+        return "a single test leaves nothing to hold out"
+    return ""
+
+
+def nrmsd(fitted: Fitted) -> dict[str, float]:
+    """NRMSD per test over the judged samples, all outputs together."""
+    model, problem = fitted.hypothesis, fitted.hypothesis.observed.problem
+    stored = model.simulator.sensitivities(model.full(fitted.minimum.point[None]))
+    found = {}
+    for name, drive, (output, _) in zip(problem.tests, problem.drives, stored, strict=True):
+        squares = drive.weights * (drive.measured - output[0]) ** 2
+        found[name] = float(np.sqrt(squares.sum() / np.count_nonzero(drive.weights)))
+    return found

@@ -1,0 +1,107 @@
+"""Explanations fitted in full, from several starts each, and weighed against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+from mofit.diagnosis.baseline import Fitted, fit
+from mofit.diagnosis.cause import recalibrated
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.screen import Screened
+from mofit.errors import InputError
+
+Array = NDArray[np.float64]
+
+#: Grid points of an effect that a refit starts from, each twice; with the typical size no more starts than lanes.
+_POINTS = 3
+
+
+@dataclass(frozen=True)
+class Explanation:
+    r"""A fitted hypothesis with its information criterion.
+
+    .. math:: \mathrm{EBIC} = \|r\|^2 + q \log n + 2 \log \binom{c}{k}
+
+    with all white squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a gap,
+    and c candidates: the last term is the price of having chosen (Chen & Chen 2008).
+    """
+
+    fitted: Fitted
+    criterion: float
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects, sorted."""
+        return tuple(sorted(effect.name for effect in self.fitted.hypothesis.effects))
+
+
+def explain(fitted: Fitted, candidates: int) -> Explanation:
+    """Weigh a fitted hypothesis that was chosen among so many candidates."""
+    model = fitted.hypothesis
+    chosen = len(model.effects)
+    rows = int(model.observed.repeating.sum())
+    extra = sum(len(effect.parameters) for effect in model.effects)
+    choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
+    value = float(fitted.residual @ fitted.residual)
+    return Explanation(fitted, value + extra * float(np.log(rows)) + 2 * float(choices))
+
+
+def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
+    """The hypothesis with these effects added, fitted from where the screen expects the minimum and from elsewhere.
+
+    Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
+    the fitted parameters with the typical size. None if no start can be simulated.
+    """
+    old, here = fitted.hypothesis, fitted.minimum.point
+    new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
+    starts = [_start(new, here, {})]
+    starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
+    try:
+        found = fit(new.at_steps_for(starts[-1][None]), np.array(starts))
+        best = found.minimum.point[None]
+        return fit(_recalibrated(found).at_steps_for(best), best)
+    except InputError:
+        return None
+
+
+def _recalibrated(fitted: Fitted) -> Hypothesis:
+    """The hypothesis with the stages looked at where its effects ended, those that the stages' tests had too."""
+    model = fitted.hypothesis
+    space, calibrations = model.observed.problem.space, model.observed.calibrations
+    causes = [
+        recalibrated(cause, fitted.values, space, calibrations, model.observed.workshop) if cause.everywhere else cause
+        for cause in model.causes
+    ]
+    return replace(model, causes=tuple(causes))
+
+
+def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int) -> Iterator[Array]:
+    """Where the screen expects the minimum, each effect at the point of its grid with that rank of T."""
+    values: dict[str, float] = {}
+    shift, fresh = np.zeros(len(here)), False
+    for found in added:
+        causes = found.candidate.causes
+        order = [
+            i for i in np.argsort(-found.statistics, kind="stable") if causes[i].everywhere == found.cause.everywhere
+        ]
+        fresh |= rank < len(order)
+        place = order[min(rank, len(order) - 1)]
+        for name, size in zip(found.effect.size, found.sizes[place], strict=True):
+            values[name] = found.effect.neutral[name] + float(size)
+        values |= causes[place].point
+        shift -= found.shifts[place]
+    if fresh:
+        yield _start(new, here, values)
+        yield _start(new, np.clip(here + shift, 0.0, 1.0), values)
+
+
+def _start(new: Hypothesis, base: Array, values: Mapping[str, float]) -> Array:
+    """A point of the new space: the old parameters, and values of the new ones, typical if not given, in bounds."""
+    fresh = new.space.parameters[len(base) :]
+    given = [float(np.clip(values.get(p.name, p.nominal), p.lower, p.upper)) for p in fresh]
+    return np.concatenate([base, new.space.subset([p.name for p in fresh]).to_unit(given)])

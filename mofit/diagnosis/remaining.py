@@ -1,0 +1,162 @@
+"""Whether a hypothesis leaves a gap: tests that need no candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from mofit.diagnosis.baseline import Fitted
+from mofit.diagnosis.lines import CLASSES
+from mofit.diagnosis.observed import Observed
+from mofit.diagnosis.projection import Projection, project
+
+Array = NDArray[np.float64]
+
+#: Harmonics whose change from test to test is looked at as a smooth one.
+_SMOOTH_HARMONICS = 5
+#: Degree of the polynomial in log frequency that such a change follows.
+_DEGREE = 2
+
+
+@dataclass(frozen=True)
+class Clue:
+    """One test for a gap.
+
+    Parameters
+    ----------
+    name
+        What was looked at.
+    statistic, freedom
+        Sum of white squares and its expectation without a gap.
+    p
+        Chance of such a sum without a gap, the noise being estimated.
+    """
+
+    name: str
+    statistic: float
+    freedom: float
+    p: float
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What a hypothesis leaves.
+
+    Parameters
+    ----------
+    clues
+        All tests, the most significant first.
+    p
+        Chance of the most significant one, corrected for their number (Bonferroni).
+    power
+        White squares on the lines that may hold a gap, beyond their expectation; not below 0.
+    """
+
+    clues: tuple[Clue, ...]
+    p: float
+    power: float
+
+
+def remaining(fitted: Fitted) -> Remaining:
+    """Test the residual of a fitted hypothesis, class by class, harmonic by harmonic and line by line."""
+    projection, observed = project(fitted), fitted.hypothesis.observed
+    rows = len(observed.measured)
+    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
+    clues = [
+        power_clue(name, residual, expected, observed, observed.of(name))
+        for name in CLASSES
+        if name != "other" and observed.of(name).any()
+    ]
+    clues += smooth_clues(projection, observed)
+    clues += [peak_clue(name, residual, observed, observed.of(name)) for name in ("rotating", "slow", "other")
+              if observed.of(name).any()]  # fmt: skip
+    clues = sorted((clue for clue in clues if np.isfinite(clue.p)), key=lambda clue: clue.p)
+    likely = observed.repeating
+    return Remaining(
+        tuple(clues),
+        min(1.0, clues[0].p * len(clues)) if clues else 1.0,
+        max(float(np.sum(residual[likely] ** 2) - expected[likely].sum()), 0.0),
+    )
+
+
+def power_clue(name: str, residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Clue:
+    """F test of the power of some rows."""
+    total, count = float(np.sum(residual[where] ** 2)), float(expected[where].sum())
+    if count < 0.5:
+        return Clue(name, total, count, np.nan)
+    return Clue(name, total, count, float(fisher.sf(total / count, count, _behind(observed, where * expected))))
+
+
+def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
+    r"""Score tests for what changes smoothly from test to test.
+
+    On harmonic h, relative to the phase of the excitation, the gap of test t is taken as
+    :math:`\sum_j c_j (\log f_t)^j` with complex coefficients: any effect of the class adds to it, and few coefficients
+    see what a sum over all lines would drown.
+    """
+    places = [i for i, (_, _, w) in enumerate(observed.parts) if w.periods]
+    frequency = np.array([1 / observed.parts[i][2].period for i in places])
+    levels = len(np.unique(np.round(np.log(frequency), 3))) if places else 0
+    if levels < 2:
+        return
+    z = np.log(frequency) - np.log(frequency).mean()
+    covariates = np.stack([(z / np.abs(z).max()) ** j for j in range(min(_DEGREE, levels - 1) + 1)], axis=1)
+    for harmonic in range(_SMOOTH_HARMONICS + 1):
+        columns = np.zeros((len(observed.measured), 2, covariates.shape[1]))
+        for i, weights in zip(places, covariates, strict=True):
+            for part in (0, 1):
+                at, values = _harmonic_rows(observed, i, harmonic, part)
+                columns[at, part] = values[:, None] * weights
+        flat = columns.reshape(len(columns), -1)
+        rest = projection.apply(flat[:, np.any(flat != 0, axis=0)])
+        vectors, values, _ = np.linalg.svd(rest, full_matrices=False)
+        kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
+        count = kept.shape[1]
+        statistic = float(np.sum((kept.T @ projection.residual) ** 2))
+        behind = _behind(observed, np.sum(flat**2, axis=1))
+        yield Clue(f"harmonic {harmonic}", statistic, count, float(fisher.sf(statistic / count, count, behind)))
+
+
+def _harmonic_rows(observed: Observed, place: int, harmonic: int, part: int) -> tuple[NDArray[np.intp], Array]:
+    """Rows of a harmonic of one record, and what a unit cosine (part 0) or sine (1) of the excitation's phase is there.
+
+    In the unit of the noise's standard deviation, so that all records count alike.
+    """
+    w = observed.parts[place][2]
+    at = np.flatnonzero((observed.part == place) & (observed.line == harmonic * w.periods))
+    turn = np.exp(1j * (harmonic * observed.phase[place] - 0.5 * np.pi * part))
+    # the first row of a line is its real part, the second its imaginary one
+    values = np.array([turn.real, turn.imag][: len(at)])
+    return at, values
+
+
+def peak_clue(name: str, residual: Array, observed: Observed, where: NDArray[np.bool_]) -> Clue:
+    """Test of the highest line of a class against chance, corrected for the number of lines."""
+    key = observed.part.astype(np.int64) * (int(observed.line.max()) + 1) + observed.line
+    lines, index = np.unique(key[where], return_inverse=True)
+    power = np.bincount(index, residual[where] ** 2)
+    parts = np.bincount(index)
+    behind = np.bincount(index, observed.freedom[where]) / parts
+    p = fisher.sf(power / parts, parts, behind)
+    best = int(np.argmin(p))
+    return Clue(
+        f"highest {name} line",
+        float(power[best]),
+        float(parts[best]),
+        float(-np.expm1(len(lines) * np.log1p(-p[best]))),
+    )
+
+
+def _behind(observed: Observed, weight: Array) -> float:
+    """Degrees of freedom of the noise behind rows of these weights (m,).
+
+    Rows of one record share an estimate, records do not (Satterthwaite).
+    """
+    shares = np.bincount(observed.part, weight)
+    levels = np.bincount(observed.part, weight * observed.freedom) / np.where(shares > 0, shares, 1.0)
+    used = shares > 0
+    return float(shares.sum() ** 2 / np.sum(shares[used] ** 2 / levels[used]))

@@ -1,0 +1,133 @@
+"""Which effects, one or several, explain the gap: a search through refitted explanations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mofit.diagnosis.baseline import Fitted
+from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.refit import Explanation, explain, refit
+from mofit.diagnosis.remaining import Remaining, remaining
+from mofit.diagnosis.screen import Screened, screen
+from mofit.diagnosis.thresholds import Thresholds
+from mofit.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """All that was tried.
+
+    Parameters
+    ----------
+    baseline, left
+        The model without effects, and what it leaves.
+    screened
+        Every candidate at the baseline, the most significant first.
+    explanations
+        Refitted ones, the best first; the last one is the baseline itself.
+    best_left
+        What the best explanation leaves.
+    """
+
+    baseline: Fitted
+    left: Remaining
+    screened: tuple[Screened, ...]
+    explanations: tuple[Explanation, ...]
+    best_left: Remaining
+
+    @property
+    def best(self) -> Explanation:
+        """The explanation with the smallest criterion."""
+        return self.explanations[0]
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Explanations found so far."""
+
+    baseline: Fitted
+    candidates: Sequence[Candidate]
+    thresholds: Thresholds
+    found: tuple[Explanation, ...]
+
+    @property
+    def best(self) -> Explanation:
+        return self.found[0]
+
+    def tried(self, effects: Iterable[str]) -> bool:
+        return tuple(sorted(effects)) in {explanation.effects for explanation in self.found}
+
+    def extended(self, base: Fitted, added: Iterable[Screened], progress: Progress) -> _Search:
+        """With refits of ``base`` plus each of the added effects."""
+        present = [effect.name for effect in base.hypothesis.effects]
+        fresh = [one for one in added if not self.tried([*present, one.name])]
+        made: dict[str, Explanation] = {}
+        for number, one in enumerate(fresh):
+            progress("refit", number, len(fresh), " + ".join([*present, one.name]))
+            if (fitted := refit(base, [one])) is not None:
+                made[one.name] = explain(fitted, len(self.candidates))
+        best = min(explanation.criterion for explanation in (*self.found, *made.values()))
+        limit = best + self.thresholds.contender
+        contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
+        # close to the best it matters whether the calibration tests had the effect
+        for one in (other for contender in contenders if (other := contender.elsewhere) is not None):
+            if (fitted := refit(base, [one])) is not None:
+                made[one.name] = min(made[one.name], explain(fitted, len(self.candidates)), key=_order)
+        found = tuple(sorted((*self.found, *made.values()), key=_order))
+        return _Search(self.baseline, self.candidates, self.thresholds, found)
+
+
+def attribute(
+    baseline: Fitted, candidates: Sequence[Candidate], thresholds: Thresholds, progress: Progress = silent
+) -> Attribution:
+    """Search forwards: single effects first, then one more at a time as long as something significant is left.
+
+    An explanation with more effects is kept only where its information criterion is the better one, so that the search
+    prunes backwards as well: every part of a set is tried too.
+    """
+    screened, left = screen(baseline, candidates), remaining(baseline)
+    state = _Search(baseline, candidates, thresholds, (explain(baseline, len(candidates)),))
+    if min([left.p, *(one.p_holm for one in screened)]) >= thresholds.gap:
+        return Attribution(baseline, left, tuple(screened), state.found, left)
+    state = state.extended(baseline, _promising(screened, thresholds.promising), progress)
+    if remaining(state.best.fitted).p < thresholds.left:
+        # a strong effect bends its own direction: what looked hopeless at neutral size may be right
+        state = state.extended(baseline, _promising(screened, thresholds.hopeless), progress)
+    for count in range(1, thresholds.most_effects):
+        state = _one_more(state, count, progress)
+    return Attribution(baseline, left, tuple(screened), state.found, remaining(state.best.fitted))
+
+
+def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
+    """Extend the best explanations of ``count`` effects by one more where something is left."""
+    level = [explanation for explanation in state.found if len(explanation.effects) == count]
+    for explanation in level[: state.thresholds.widths]:
+        found = screen(explanation.fitted, state.candidates)
+        gap = min([remaining(explanation.fitted).p, *(one.p_holm for one in found)])
+        if gap >= state.thresholds.more:
+            # nothing is left to explain; others of this size can only be alternatives
+            break
+        state = state.extended(explanation.fitted, _promising(found, state.thresholds.next_promising)[:3], progress)
+    # every part of a larger set is tried too
+    best = state.best
+    if len(best.effects) == count + 1:
+        for name in best.effects:
+            rest = tuple(other for other in best.effects if other != name)
+            if not state.tried(rest) and len(rest) == 1:
+                one = next(s for s in screen(state.baseline, state.candidates) if s.name == rest[0])
+                state = state.extended(state.baseline, [one], progress)
+    return state
+
+
+def _promising(screened: Sequence[Screened], share: float) -> list[Screened]:
+    """Those with at least this share of the largest T, the largest first."""
+    largest = max((one.statistic for one in screened), default=0.0)
+    kept = [one for one in screened if one.statistic > share * largest and one.statistic > 0]
+    return sorted(kept, key=lambda one: -one.statistic)[:8]
+
+
+def _order(explanation: Explanation) -> float:
+    return explanation.criterion if np.isfinite(explanation.criterion) else np.inf

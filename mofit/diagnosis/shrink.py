@@ -1,0 +1,196 @@
+"""How far the gap shrinks once the effect is added: judged on tests that were left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit.diagnosis.baseline import Fitted
+from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.hypothesis import Hypothesis
+from mofit.diagnosis.observed import Observed
+from mofit.diagnosis.several import Attribution
+from mofit.refine.step import box_step
+
+Array = NDArray[np.float64]
+
+#: Gauss-Newton steps from the minimum of all tests to that of all but one.
+_STEPS = 4
+#: Draws of the parameters for the interval.
+_DRAWS = 400
+#: Chance below which a class of lines holds a gap that is worth counting.
+_LOUD = 0.01
+#: Standard deviations of the noise's power beyond which the linearised effect leaves a gap.
+_CLEAR = 4.0
+#: Longest move of a coordinate, in box widths.
+_REACH = 0.25
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """What both models say of a test that they were not fitted to.
+
+    ``before`` and ``after`` are predicted outputs without and with the effect over the samples used, (n,); ``start``
+    is the first of those.
+    """
+
+    test: str
+    output: str
+    start: int
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    r"""Share of the structured gap that the effect removes on held-out tests.
+
+    .. math:: \eta = 1 - \frac{\sum_t g_{t, \mathrm{with}}^2}{\sum_t g_{t, \mathrm{without}}^2}
+
+    with :math:`g_t^2` the mean square of the prediction's error on test t relative to the output's range, beyond the
+    noise.
+
+    Parameters
+    ----------
+    predicted
+        From the score test alone, before any refit.
+    confirmed
+        After refits without each test in turn: the predictions beside what all tests together say of that test.
+    low, high
+        90 % interval of the same.
+    measured
+        The predictions beside the measured outputs themselves, noise taken off: no model in between, but a weak gap
+        drowns in the noise.
+    held_out
+        The predictions.
+    """
+
+    predicted: float
+    confirmed: float
+    low: float
+    high: float
+    measured: float
+    held_out: tuple[HeldOut, ...]
+
+
+def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage:
+    """Leave out one test at a time, fit the rest without and with the best explanation's effects, and compare."""
+    observed, best = found.baseline.hypothesis.observed, found.best
+    rows = len(observed.measured)
+    folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
+    without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
+    weight = np.where(observed.repeating, observed.variance * _scale(observed) ** 2, 0.0)
+    loud = {clue.name for clue in found.left.clues if clue.p < _LOUD}
+    direct = np.where(observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"})), weight, 0.0)
+    base = float(direct @ (without**2 - 1))
+    measured = 1 - float(direct @ (with_**2 - 1)) / base if base > 0 else 0.0
+    full = best.fitted.residual[:rows]
+    rest = full * np.sqrt(max(1 - weight.sum() / float(weight @ full**2), 0.0)) if found.best_left.p < _LOUD else 0.0
+    low, confirmed, high = _interval(best.fitted, with_ - full + rest, without - with_, weight, seed)
+    chosen = [next(c for c in candidates if c.name == name) for name in best.effects]
+    places = [next(one.best for one in found.screened if one.name == name) for name in best.effects]
+    predicted = _predicted(found.baseline, [c.slopes[i] for c, i in zip(chosen, places, strict=True)], weight)
+    return Shrinkage(predicted, confirmed, low, high, min(measured, 1.0), tuple(_predictions(observed, *folds)))
+
+
+def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, Array]:
+    """The hypothesis and its minima without one test each, (tests, d), by Gauss-Newton steps in the box."""
+    model, observed = fitted.hypothesis, fitted.hypothesis.observed
+    tests, rows = len(observed.problem.tests), len(observed.measured)
+    points = np.repeat(fitted.minimum.point[None], tests, axis=0)
+    kept = np.ones((tests, len(fitted.residual)), dtype=bool)
+    kept[:, :rows] = observed.test[None, :] != np.arange(tests)[:, None]
+    best, values = points.copy(), np.full(tests, np.inf)
+    for _ in range(_STEPS + 1):
+        found = model.linear(points)
+        residual = np.where(kept, found.residual, 0.0)
+        jacobian = found.jacobian * kept[..., None]
+        value = 0.5 * np.einsum("km,km->k", residual, residual)
+        better = np.nan_to_num(value, nan=np.inf) < values
+        best[better], values[better] = points[better], value[better]
+        turned = jacobian.transpose(0, 2, 1)
+        gradient = np.nan_to_num((turned @ np.nan_to_num(residual)[..., None])[..., 0])
+        step, _ = box_step(points, gradient, turned @ jacobian, np.full(tests, 1e-6), _REACH)
+        # a step that made things worse is halved towards the best point
+        points = np.where(better[:, None], np.clip(points + step, 0.0, 1.0), 0.5 * (points + best))
+    return model, best
+
+
+def _held_out_rows(observed: Observed, model: Hypothesis, points: Array) -> Array:
+    """Residual of every row, predicted by the fit that has not seen its test, (m,)."""
+    residual = model.linear(points).residual
+    return np.asarray(residual[observed.test, np.arange(len(observed.measured))])
+
+
+def _scale(observed: Observed) -> Array:
+    """One over the range of the output of every row, (m,)."""
+    ranges = [np.ptp(observed.problem.drives[t].measured[w.start : w.start + w.count, o]) for t, o, w in observed.parts]
+    return np.asarray(1 / np.array(ranges)[observed.part])
+
+
+def _interval(fitted: Fitted, error: Array, gain: Array, weight: Array, seed: int) -> list[float]:
+    """5 %, 50 % and 95 % of the share over what the parameters may truly be.
+
+    Parameters
+    ----------
+    fitted
+        The explanation, fitted to all tests.
+    error
+        What it says of each test beyond the prediction made without that test, (m,).
+    gain
+        By how much the effect moved that prediction, (m,).
+    weight
+        Of every row's square, (m,).
+    """
+    free = fitted.free
+    jacobian = -fitted.jacobian[:, free]
+    normal = jacobian.T @ jacobian + np.eye(int(free.sum()))
+    root = np.linalg.cholesky(np.linalg.inv(normal))
+    draws = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
+    used = weight > 0
+    left = error[used] + draws @ jacobian[: len(weight)][used].T
+    shares = 1 - (left**2 @ weight[used]) / ((left + gain[used]) ** 2 @ weight[used])
+    return [float(value) for value in np.quantile(shares, (0.05, 0.5, 0.95))]
+
+
+def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array) -> float:
+    """The share that the linearised models remove on each test when fitted to the others."""
+    observed, free = baseline.hypothesis.observed, baseline.free
+    rows = len(observed.measured)
+    model = -baseline.jacobian[:, free]
+    both = np.concatenate([model, *added], axis=1)
+    gap, uncertain, rest = 0.0, 0.0, np.zeros(rows)
+    for t in range(len(observed.problem.tests)):
+        held = np.zeros(len(model), dtype=bool)
+        held[:rows] = observed.test == t
+        (alone, _), (shift, spread) = (_solved(columns[~held], baseline.residual[~held]) for columns in (model, both))
+        effect = both[held] @ shift - model[held] @ alone
+        rest[held[:rows]] = baseline.residual[held] - both[held] @ shift
+        here = weight[held[:rows]]
+        gap += float(here @ effect**2)
+        uncertain += float(here @ np.einsum("ri,ij,rj->r", both[held], spread, both[held]))
+    # what is left beyond noise and uncertainty, if that is no chance
+    left = float(weight @ (rest**2 - 1)) - uncertain
+    uncertain += left if left > _CLEAR * float(np.sqrt(2 * weight @ weight)) else 0.0
+    return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
+
+
+def _solved(columns: Array, residual: Array) -> tuple[Array, Array]:
+    """Least-squares solution and its covariance; scaled, as effects have sizes of their own."""
+    scale = np.linalg.norm(columns, axis=0)
+    scaled = columns / scale
+    inverse = np.linalg.inv(scaled.T @ scaled + 1e-12 * np.eye(len(scale))) / np.outer(scale, scale)
+    return inverse @ (columns.T @ residual), inverse
+
+
+def _predictions(
+    observed: Observed, before: tuple[Hypothesis, Array], after: tuple[Hypothesis, Array]
+) -> Iterator[HeldOut]:
+    outputs = [model.simulator.sensitivities(model.full(points)) for model, points in (before, after)]
+    for test, output, w in observed.parts:
+        series = [stored[test][0][test, w.start : w.start + w.count, output] for stored in outputs]
+        name = observed.problem.model.outputs[output].name
+        yield HeldOut(observed.problem.tests[test], name, w.start, series[0], series[1])

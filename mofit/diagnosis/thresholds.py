@@ -1,0 +1,69 @@
+"""Where the diagnosis draws its lines, each with its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Defaults hold for all campaigns; `scripts/diagnosis_levels.py` measures what false alarms they make.
+
+    Parameters
+    ----------
+    gap
+        Chance below which a gap is one, corrected for the number of candidates and clues.
+    more
+        The same for one more effect beside those found.
+    left
+        Chance below which the best explanation leaves a gap.
+    left_share
+        Share of the gap's squares that must be left, and
+    left_of_peak
+        share of the output's peak that its root mean square must reach, before "unknown" is said: with enough real
+        data everything is significant.
+    coarse
+        Share of the output's peak from which a gap that is not explained down to the noise is looked at coarsely: a
+        model that misses so much misses more than one thing, and the main one is worth a name.
+    resolution
+        Then what is smaller than this share of the gap counts as noise;
+    coarse_share
+        and the one effect that does best is named if it leaves no more than this share of the gap's squares,
+    coarse_lead
+        any other leaving this many times as much.
+    alike
+        Difference of the information criterion below which explanations count as alike.
+    promising, hopeless
+        Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
+    next_promising
+        The same for one more effect: what is left is small, and the score test is nearly exact.
+    contender
+        Difference of the criterion up to which both ways are fitted in full, with the effect in the calibration tests
+        and without.
+    most_effects
+        Most effects at once.
+    widths
+        So many of the best explanations are extended by one more effect.
+    """
+
+    gap: float = 3e-3
+    more: float = 3e-3
+    left: float = 1e-3
+    left_share: float = 0.02
+    left_of_peak: float = 2e-4
+    coarse: float = 0.02
+    resolution: float = 0.1
+    coarse_share: float = 0.4
+    coarse_lead: float = 2.0
+    alike: float = 6.0
+    promising: float = 0.25
+    hopeless: float = 0.01
+    next_promising: float = 0.5
+    contender: float = 60.0
+    most_effects: int = 3
+    widths: int = 2
+
+    @property
+    def roughly(self) -> Thresholds:
+        """For a coarse gap: one effect, and a remainder let pass."""
+        return replace(self, most_effects=1, left_share=self.coarse_share)

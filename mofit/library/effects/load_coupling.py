@@ -1,0 +1,35 @@
+"""The lateral force changes the vertical load."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mofit.library.kelvin_voigt_tyre import contact_force
+from mofit.model import Applied, Effect
+from mofit.parameters import Parameter
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+    from mofit.model import Symbols
+
+
+class LoadCoupling(Effect):
+    r"""Vertical load :math:`F_z (1 + \kappa F)`, and the contact patch's force with it: the loading arm leans.
+
+    Fingerprint: mean value and even harmonics.
+    """
+
+    name = "load_coupling"
+    title = "lateral force on the load"
+    on = ("slip_stiffness",)
+    needs = ("elastic_force", "lateral_slip", "transport_velocity", "d_y")
+    # half a per cent per kilonewton
+    parameters = (
+        Parameter("kappa_z", "1/N", -1e-4, 1e-4, 5e-6, description="relative change of load per force", neutral=0.0),
+    )
+
+    def apply(self, s: Symbols, value: ca.SX) -> Applied:
+        """Slope of the contact patch under the true load."""
+        force = contact_force(s, value, s.quantities["lateral_slip"], s.quantities["transport_velocity"])
+        return Applied(value * (1 + s.kappa_z * force))

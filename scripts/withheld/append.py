@@ -1,0 +1,94 @@
+"""One more test of a campaign's specimen, as a diagnosis advised it.
+
+    python scripts/withheld/append.py DIR RESULTS --out NEXT
+
+For every result RESULTS/<name>.json that claims its next test would resolve a group, NEXT/<name>.nc is the campaign
+with that test run and added. What is hidden stays hidden: labels are opened to run the test, and nothing of them shows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from campaign_writer import extend_file
+from hidden import case_of, setting, slot_of
+from respond import respond
+from rig_tests import RAMP, SPEED, RigTest, phases
+from sealed import unseal
+from specimen import add_noise
+
+#: between the last test and the added one, s
+PAUSE = 30.0
+
+
+def main() -> None:
+    """Run what was advised."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="folder of generate.py")
+    parser.add_argument("results", type=Path, help="folder with one JSON per campaign")
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    labels = unseal(options.folder / "labels.sealed")
+    for path in sorted(options.results.glob("*.json")):
+        spec, target = json.loads(path.read_text())["next_test"], options.out / f"{path.stem}.nc"
+        if spec and spec.get("resolves") and path.stem in labels and not target.exists():
+            append_test(options.folder / "campaigns" / f"{path.stem}.nc", labels[path.stem], spec, target)
+            print(path.stem, file=sys.stderr)
+
+
+def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any], path: Path, number: int = 0) -> None:
+    """Write a copy of a campaign file with one more test, run on the same specimen.
+
+    Parameters
+    ----------
+    source
+        The campaign.
+    entry
+        Its label.
+    spec
+        ``kind`` (sine or step), ``amplitude`` [rad], ``frequency`` [Hz], ``duration`` [s]; ``conditions`` may hold
+        ``longitudinal_velocity`` [m/s].
+    path
+        File to write.
+    number
+        Of the addition, for noise of its own.
+
+    Raises
+    ------
+    ValueError
+        For a test that this rig cannot run.
+    """
+    slot = slot_of(entry)
+    rng = slot.rng(10 + number)
+    test = replace(advised(spec, setting(slot)[1]), **phases(rng))
+    (force,) = respond([(case_of(entry), test)])
+    extend_file(source, path, test, add_noise(force, slot.noise, rng))
+
+
+def advised(spec: Mapping[str, Any], tests: tuple[RigTest, ...]) -> RigTest:
+    """The test of a specification, after those there are."""
+    conditions = dict(spec.get("conditions") or {})
+    speed = float(conditions.pop("longitudinal_velocity", SPEED))
+    kind, amplitude, duration = spec["kind"], float(spec["amplitude"]), float(spec.get("duration") or 20.0)
+    if conditions or kind not in ("sine", "step") or not speed > 0:
+        raise ValueError(f"this rig runs sines and steps at other speeds, not {dict(spec)}")
+    start = max(t.start_time + t.duration for t in tests if t.start_time is not None) + PAUSE
+    if kind == "step":
+        if duration <= abs(amplitude) / RAMP + 1:
+            raise ValueError(f"a step of {duration:g} s is too short")
+        return RigTest("step_next", "step", duration, amplitude, speed=speed)
+    frequency = float(spec["frequency"])
+    # whole periods
+    duration = max(round(duration * frequency), 2) / frequency
+    return RigTest("sine_next", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2))
+
+
+if __name__ == "__main__":
+    main()

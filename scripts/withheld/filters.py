@@ -1,0 +1,46 @@
+"""Filters of one signal on a uniform grid, exact where the signal is linear between its samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import cont2discrete, lfilter, lfilter_zi
+
+Array = NDArray[np.float64]
+
+
+def rational(signal: Array, numerator: list[float], denominator: list[float], step: float) -> Array:
+    """Output of a transfer function, settled at the first value of the signal (n,)."""
+    top, bottom, _ = cont2discrete((numerator, denominator), step, method="foh")
+    top, bottom = np.ravel(top), np.ravel(bottom)
+    start = lfilter_zi(top, bottom) * signal[0]
+    return np.asarray(lfilter(top, bottom, signal, zi=start)[0])
+
+
+def lag(signal: Array, time_constant: float, step: float) -> Array:
+    """Behind a first-order lag."""
+    return rational(signal, [1.0], [time_constant, 1.0], step)
+
+
+def later(signal: Array, delay: float, step: float) -> Array:
+    """The signal a time ago; before its beginning it stood still."""
+    time = step * np.arange(len(signal))
+    return np.asarray(CubicSpline(time, signal)(np.clip(time - delay, 0, time[-1])))
+
+
+def play(signal: Array, half_width: float) -> Array:
+    """What is dragged along with a play of plus and minus ``half_width``, centred at the start."""
+    result = np.empty_like(signal)
+    here = 0.0
+    for n, (low, high) in enumerate(zip((signal - half_width).tolist(), (signal + half_width).tolist(), strict=True)):
+        here = min(max(here, low), high)
+        result[n] = here
+    return result
+
+
+def slope(signal: Array, step: float) -> Array:
+    """Derivative, by central differences of fourth order."""
+    result = np.gradient(signal, step)
+    result[2:-2] = (8 * (signal[3:-1] - signal[1:-3]) - (signal[4:] - signal[:-4])) / (12 * step)
+    return result

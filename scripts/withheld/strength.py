@@ -1,0 +1,214 @@
+"""How strong a hidden cause is, what could be mistaken for it, and how far a gap shrinks: from the truth alone.
+
+All is linear around the specimen, and shapes (times, exponents) stand on a coarse grid: a bound from above where an
+effect may choose its shape. Rows are the sines' judged samples (after the first period) and the calibration
+tests, made white with the true noise; J holds their derivatives by the specimen's eight parameters, g the change that
+the cause makes, S_k that of a library effect.
+
+    strength      |M g|^2,  M = I - J J+                      what re-identification leaves: expected score T less q
+    separation_k  min |(I - P_[J, S_k]) g|^2                  what effect k besides leaves
+    beyond        |(I - P_[J, all S]) g|^2                    what the whole library at once leaves
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from causes import LIBRARY, SINES, Cause, Drawn
+from numpy.typing import NDArray
+from respond import Case, respond
+from rig_tests import RigTest
+from specimen import CENTRE, COLOUR, whitened
+
+Array = NDArray[np.float64]
+
+#: integration here, s; a step test is at rest after this time, s
+STEP, SETTLED = 1e-2, 4.0
+_CHANGE = 1e-3
+#: share of the typical size at which the library's directions are taken
+_SHARE = 0.3
+_GRIDS = {
+    "tau_2": (0.01, 0.05, 0.25), "a_f": (0.15, 0.3, 0.5), "delta_d": (1e-3, 4e-3), "y_P": (1e-3, 3e-3, 1e-2),
+    "tau_t": (1.0, 4.0, 15.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Where causes are judged: white rows of each test and their derivatives.
+
+    ``jacobian`` (m, 8) and ``directions`` {effect: [(m, q), ...]} are white; ``places`` are the rows of each test.
+    """
+
+    specimen: Mapping[str, float]
+    tests: tuple[RigTest, ...]
+    noise: str
+    clean: tuple[Array, ...]
+    places: tuple[slice, ...]
+    jacobian: Array
+    directions: Mapping[str, tuple[Array, ...]]
+
+    def gaps(self, knobs: Sequence[Mapping[str, float]], kinds: Mapping[str, Sequence[str]]) -> Array:
+        """White rows of the change that each setting of the knobs makes, (m, settings)."""
+        cases = [Case(self.specimen, knob, kinds) for knob in knobs]
+        return _changes(self.specimen, self.tests, self.noise, self.clean, cases)
+
+    def newtons(self, rows: Array, test: int) -> float:
+        """RMS [N] of white rows (m,) within a test (of coloured noise: of the frequencies where it is white)."""
+        part = rows[self.places[test]]
+        return float(np.sqrt(np.mean((part * _scale(self.noise, self.clean[test][-len(part) :])) ** 2)))
+
+    def left(self, gap: Array, *columns: Array) -> float:
+        """Squared length of a gap (m,) beside the parameters and further columns."""
+        basis = _basis(np.concatenate([self.jacobian, *columns], axis=1))
+        return float(np.sum((gap - basis @ (basis.T @ gap)) ** 2))
+
+    def separation(self, gap: Array) -> dict[str, float]:
+        """What each library effect, at its best shape, leaves of a gap (m,)."""
+        basis = _basis(self.jacobian)
+        rest = gap - basis @ (basis.T @ gap)
+        found = {}
+        for name, grid in self.directions.items():
+            left = []
+            for columns in grid:
+                own = _basis(columns - basis @ (basis.T @ columns))
+                left.append(float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
+            found[name] = min(left)
+        return found
+
+    def beyond(self, gap: Array) -> float:
+        """What the whole library leaves of a gap (m,)."""
+        return self.left(gap, *(columns for grid in self.directions.values() for columns in grid))
+
+
+def ground(specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, library: bool = True) -> Ground:
+    """Derivatives by parameters and, with ``library``, by all known effects in the sine tests."""
+    judged = tuple(replace(t, duration=SETTLED) if t.kind == "step" else t for t in tests)
+    clean = tuple(respond([(Case(specimen), t) for t in judged], STEP))
+    changed = [Case({**specimen, name: value * (1 + _CHANGE)}) for name, value in specimen.items() if name in CENTRE]
+    settings = [(cause, *setting) for cause in (LIBRARY if library else ()) for setting in _settings(cause)]
+    cases = [Case(specimen, knobs, dict.fromkeys(knobs, place)) for _, _, place, knobs in settings]
+    rows = _changes(specimen, judged, noise, clean, [*changed, *cases])
+    directions: dict[str, dict[int, list[Array]]] = {}
+    for column, (cause, group, _, _) in zip(rows[:, len(changed) :].T, settings, strict=True):
+        directions.setdefault(cause.name, {}).setdefault(group, []).append(column)
+    lengths = [_length(t) for t in judged]
+    ends = np.cumsum(lengths)
+    return Ground(
+        specimen,
+        judged,
+        noise,
+        clean,
+        tuple(slice(end - n, end) for end, n in zip(ends, lengths, strict=True)),
+        rows[:, : len(changed)] / _CHANGE,
+        {name: tuple(np.stack(c, axis=1) for c in found.values()) for name, found in directions.items()},
+    )
+
+
+def _settings(cause: Cause) -> list[tuple[int, tuple[str, ...], dict[str, float]]]:
+    """(group, place, knobs): directions of one group belong together."""
+    shapes = [{name: v} for name, grid in _GRIDS.items() if name in cause.shape for v in grid] or [{}]
+    found = []
+    for place in cause.places:
+        for shape in shapes:
+            group = len({g for g, _, _ in found})
+            for knob, size in cause.typical.items():
+                found.append((group, place, {knob: _SHARE * size, **shape}))
+    return found
+
+
+def sized(place: Ground, drawn: Drawn, target: float, *beside: Array, beyond: bool = False) -> float:
+    """Multiple of the typical size at which what is left beside the parameters and further columns is as asked.
+
+    With ``beyond``, what the whole library leaves. The nearest that the cause's limits allow.
+    """
+    multiples = np.geomspace(drawn.cause.least, drawn.cause.most, 6)
+    kinds = dict.fromkeys(drawn.at(1.0), drawn.place)
+    gaps = place.gaps([drawn.at(m) for m in multiples], kinds)
+    reached = [place.beyond(gap) if beyond else place.left(gap, *beside) for gap in gaps.T]
+    level = np.maximum.accumulate(np.log(np.maximum(reached, 1e-12)))
+    return float(np.exp(np.interp(np.log(target), level, np.log(multiples))))
+
+
+def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
+    """Each sine left out in turn: RMS [N] of the gap before, and of what the estimates' scatter leaves after.
+
+    ``columns`` (m, q) are the directions of the causes that are added. ``share``: what is removed of the mean squares,
+    each relative to the range of its test.
+    """
+    before, after, squares = {}, {}, np.zeros(2)
+    joined = np.concatenate([place.jacobian, columns], axis=1)
+    for t, test in enumerate(place.tests):
+        if test.kind not in SINES:
+            continue
+        kept = np.ones(len(gap), dtype=bool)
+        kept[place.places[t]] = False
+        shift = _shift(place.jacobian[kept], gap[kept])
+        rest = gap - place.jacobian @ shift
+        held = joined[place.places[t]]
+        scatter = np.einsum("ni,ij,nj->n", held, np.linalg.pinv(joined[kept].T @ joined[kept], hermitian=True), held)
+        left = np.zeros(len(gap))
+        left[place.places[t]] = np.sqrt(np.maximum(scatter, 0))
+        before[test.name], after[test.name] = place.newtons(rest, t), place.newtons(left, t)
+        squares += (np.array([before[test.name], after[test.name]]) / np.ptp(place.clean[t])) ** 2
+    return {"before": before, "after": after, "share": float(1 - squares[1] / squares[0]) if squares[0] > 0 else None}
+
+
+def _shift(jacobian: Array, gap: Array) -> Array:
+    """Relative change of the parameters that takes up most of a gap; the damper stays above 0."""
+    shift = np.asarray(np.linalg.lstsq(jacobian, gap, rcond=None)[0])
+    damper = [*CENTRE].index("d_y")
+    if shift[damper] < -1:
+        others = np.arange(len(shift)) != damper
+        shift[damper] = -1
+        shift[others] = np.linalg.lstsq(jacobian[:, others], gap + jacobian[:, damper], rcond=None)[0]
+    return shift
+
+
+def _changes(
+    specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, clean: Sequence[Array], cases: Sequence[Case]
+) -> Array:
+    usual = Case(specimen)
+    # a test in which nothing is turned stays as it is
+    jobs = [(case, test) for case in cases for test in tests if case.values(test.kind) != usual.values(test.kind)]
+    forces = {(id(case), test.name): force for (case, test), force in zip(jobs, respond(jobs, STEP), strict=True)}
+    columns = [
+        np.concatenate(
+            [
+                _white(forces.get((id(case), test.name), base) - base, test, noise, base)
+                for test, base in zip(tests, clean, strict=True)
+            ]
+        )
+        for case in cases
+    ]
+    return np.stack(columns, axis=1) if columns else np.empty((sum(map(_length, tests)), 0))
+
+
+def _white(change: Array, test: RigTest, noise: str, clean: Array) -> Array:
+    """Judged rows of one test: sines after a period, what is left of a step, the whole quasi-static test."""
+    if test.kind == "step":
+        # the second half of a minute, as one row
+        count = 30 * test.rate * ((1 - COLOUR) / (1 + COLOUR) if noise == "coloured" else 1)
+        sd = _scale(noise, clean[-1:])
+        return np.asarray(change[-1:] * np.sqrt(count) / sd)
+    start = len(change) - _length(test)
+    return np.asarray(whitened(change[start:, None], noise, clean[start:])[:, 0])
+
+
+def _scale(noise: str, clean: Array) -> Array:
+    return whitened(np.ones((len(clean), 1)), "white" if noise == "coloured" else noise, clean)[:, 0] ** -1
+
+
+def _length(test: RigTest) -> int:
+    if test.kind == "step":
+        return 1
+    return len(test.time) - (round(test.rate / test.frequency) if test.frequency else 0)
+
+
+def _basis(columns: Array) -> Array:
+    """Orthonormal basis of what columns (m, k) span."""
+    lengths = np.linalg.norm(columns, axis=0)
+    vectors, values, _ = np.linalg.svd(columns[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
+    return np.asarray(vectors[:, values > 1e-7 * max(values[0] if len(values) else 0, 1e-300)])

@@ -1,0 +1,241 @@
+"""Figures of a diagnosis from its results and the opened labels: plain counting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+#: strength from which an effect is strong, and from which it is there at all
+STRONG, WEAK = 50.0, 16.0
+#: what the whole library leaves of a stranger, and the best other effect of a removed one, from which it must be missed
+CLEAR, SEPARABLE = 50.0, 100.0
+
+CASES = ("none", "effect", "kin", "unknown", "pair")
+#: verdicts beside a single name
+OTHERS = ("group with it", "group without", "several, all right", "several with it", "several without", "unknown")
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """One campaign: its label, what the diagnosis said, and the true shrinkage if it can be told."""
+
+    campaign: str
+    label: Mapping[str, Any]
+    result: Mapping[str, Any]
+    actual: float | None = None
+
+    @property
+    def true(self) -> tuple[str, ...]:
+        """Effects that ought to be named."""
+        return tuple(cause["named"] for cause in self.label["causes"])
+
+    @property
+    def verdict(self) -> str:
+        """What the diagnosis said in one word."""
+        return str(self.result["verdict"])
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Every effect that it names, in any of its explanations; none where it names none with conviction."""
+        if self.verdict in ("none", "unknown"):
+            return ()
+        parts = [effect["name"] for effect in self.result["effects"]]
+        parts += list(self.result.get("group") or ())
+        parts += [name for names in self.result.get("explanations") or () for name in names]
+        return tuple(dict.fromkeys(parts))
+
+    @property
+    def exact(self) -> bool:
+        """Whether it says just what is true."""
+        return self.verdict in ("effect", "several") and set(self.named) == set(self.true)
+
+    @property
+    def strength(self) -> float:
+        """Of the cause; the weaker beside the other for two."""
+        return min(cause["strength_beside_others"] for cause in self.label["causes"])
+
+
+def upper_bound(hits: int, count: int, level: float = 0.95) -> float:
+    """Clopper-Pearson bound that the true share exceeds with a chance of 1 - level."""
+    return 1.0 if hits >= count else float(beta.ppf(level, hits + 1, count - hits))
+
+
+def interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Clopper-Pearson interval of a share."""
+    tail = (1 - level) / 2
+    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, count - hits + 1))
+    return low, upper_bound(hits, count, 1 - tail)
+
+
+def share(flags: Iterable[bool]) -> dict[str, Any]:
+    """Hits, count, share, and its 95 % interval."""
+    values = [bool(flag) for flag in flags]
+    hits, count = sum(values), len(values)
+    if not count:
+        return {"hits": 0, "count": 0, "share": None, "low": None, "high": None}
+    low, high = interval(hits, count)
+    return {"hits": hits, "count": count, "share": hits / count, "low": low, "high": high}
+
+
+def figures(
+    pairings: Sequence[Pairing], after_next: Sequence[Pairing] = (), without: Sequence[Pairing] = ()
+) -> dict[str, Any]:
+    """All figures.
+
+    Parameters
+    ----------
+    pairings
+        The main run.
+    after_next
+        Campaigns of which a group was reported, diagnosed again with the advised test added.
+    without
+        Campaigns diagnosed with the true effect taken from the candidates.
+    """
+    by_case = {case: [p for p in pairings if p.label["case"] == case] for case in CASES}
+    effects = by_case["effect"]
+    strong = [p for p in effects if p.strength >= STRONG]
+    weaker = [p for p in effects if WEAK <= p.strength < STRONG]
+    clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
+    missed = [p for p in without if p.strength >= STRONG and _next_best(p) >= SEPARABLE]
+    alarms = [p.verdict != "none" for p in by_case["none"]]
+    return {
+        "campaigns": {case: len(found) for case, found in by_case.items()},
+        "none": {
+            "false_alarms": share(alarms),
+            "upper_95": upper_bound(sum(alarms), len(alarms)) if alarms else None,
+            "by_noise": {
+                noise: share(p.verdict != "none" for p in by_case["none"] if p.label["noise"] == noise)
+                for noise in sorted({p.label["noise"] for p in by_case["none"]})
+            },
+        },
+        "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
+        "weaker": _naming(weaker),
+        "fainter": _naming([p for p in effects if p.strength < WEAK]),
+        "kin": _naming([p for p in by_case["kin"] if p.strength >= STRONG]),
+        "unknown": {
+            "said_unknown": share(p.verdict == "unknown" for p in clear),
+            "confidently_wrong": share(bool(p.named) for p in clear),
+            "said_none": share(p.verdict == "none" for p in clear),
+        },
+        "pairs": {
+            "both_named": share(set(p.true) <= set(p.named) for p in by_case["pair"]),
+            "precision": share(name in p.true for p in by_case["pair"] for name in p.named),
+        },
+        "without_the_true_one": {
+            "said_unknown": share(p.verdict == "unknown" for p in missed),
+            "confidently_wrong": share(bool(p.named) for p in missed),
+        },
+        "shrinkage": _shrinkage([p for p in (*strong, *by_case["pair"]) if p.exact]),
+        "size": _sizes([p for p in strong if p.exact]),
+        "next_test": {
+            "claimed": sum(bool((p.result.get("next_test") or {}).get("resolves")) for p in pairings),
+            "resolved": share(p.exact for p in after_next),
+        },
+        "by_effect": {
+            name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
+        },
+        "by_stranger": {
+            name: share(p.verdict == "unknown" for p in clear if p.label["cause"] == name)
+            for name in sorted({p.label["cause"] for p in clear})
+        },
+        "seconds": _spread([p.result["seconds"] for p in pairings if p.result.get("seconds") is not None]),
+    }
+
+
+def confusion(pairings: Sequence[Pairing]) -> tuple[list[str], list[str], NDArray[np.int64]]:
+    """Truth by row, saying by column, counts.
+
+    A column of its own for each effect that is named alone; groups and several are split by whether the truth is in.
+    """
+    rows = {p.campaign: _row(p) for p in pairings}
+    columns = {p.campaign: _column(p) for p in pairings}
+    known = {rows[p.campaign] for p in pairings if p.label["case"] == "effect"}
+    down = [name for _, name in sorted({(CASES.index(p.label["case"]), rows[p.campaign]) for p in pairings})]
+    across = ["none", *sorted((known | set(columns.values())) - {"none", *OTHERS}), *OTHERS]
+    counts = np.zeros((len(down), len(across)), dtype=np.int64)
+    for p in pairings:
+        counts[down.index(rows[p.campaign]), across.index(columns[p.campaign])] += 1
+    return down, across, counts
+
+
+def _row(p: Pairing) -> str:
+    return {"none": "no effect", "pair": "two effects"}.get(p.label["case"], p.label["cause"])
+
+
+def _column(p: Pairing) -> str:
+    inside = bool(p.true) and (set(p.true) <= set(p.named) if len(p.true) > 1 else p.true[0] in p.named)
+    if p.verdict == "group":
+        return "group with it" if inside else "group without"
+    if p.verdict == "several":
+        return "several, all right" if p.exact else "several with it" if inside else "several without"
+    return p.named[0] if p.verdict == "effect" else p.verdict
+
+
+def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
+    return {
+        "exact": share(p.exact for p in found),
+        "in_set": share(set(p.true) <= set(p.named) for p in found),
+        "said_none": share(p.verdict == "none" for p in found),
+        "said_unknown": share(p.verdict == "unknown" for p in found),
+    }
+
+
+def _next_best(p: Pairing) -> float:
+    return min(value for name, value in p.label["separation"].items() if name not in p.true)
+
+
+def _shrinkage(found: Sequence[Pairing]) -> dict[str, Any]:
+    told = [p for p in found if p.result.get("shrinkage") and p.actual is not None]
+    said = [p.result["shrinkage"] for p in told]
+    actual = [p.actual for p in told]
+    return {
+        "predicted_off": _spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
+        "confirmed_off": _spread([abs(s["confirmed"] - a) for s, a in zip(said, actual, strict=True)]),
+        "covered": share(s["low"] <= a <= s["high"] for s, a in zip(said, actual, strict=True)),
+        "withheld": len(found) - len(told),
+    }
+
+
+def _sizes(found: Sequence[Pairing]) -> dict[str, Any]:
+    errors: dict[str, list[float]] = {}
+    covered = []
+    for p in found:
+        cause, said = p.label["causes"][0], p.result["effects"][0]
+        truth, told = _parts(cause, said)
+        errors.setdefault(cause["name"], []).append(float(np.linalg.norm(told - truth) / np.linalg.norm(truth)))
+        if len(truth) == 1 and said.get("size_low") is not None:
+            covered.append(said["size_low"] <= truth[0] <= said["size_high"])
+    return {
+        "error": _spread([e for group in errors.values() for e in group]),
+        "covered": share(covered),
+        "by_effect": {name: _spread(group) for name, group in sorted(errors.items())},
+    }
+
+
+def _parts(cause: Mapping[str, Any], said: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """True and reported size: by parameter where there are several."""
+    several = [name for name in cause["knobs"] if name[:-1] in ("A_w", "m_d")]
+    reported = said.get("parameters") or {}
+    if several and set(several) <= set(reported):
+        return np.array([cause["knobs"][n] for n in several]), np.array([reported[n] for n in several])
+    return np.array([cause["size"]]), np.array([said["size"]])
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _spread(values: Sequence[float]) -> dict[str, Any]:
+    if not len(values):
+        return {"count": 0, "median": None, "p90": None, "max": None}
+    return {
+        "count": len(values),
+        "median": float(np.median(values)),
+        "p90": float(np.quantile(values, 0.9)),
+        "max": float(np.max(values)),
+    }

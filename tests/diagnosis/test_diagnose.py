@@ -1,0 +1,100 @@
+"""The whole diagnosis on a quick rig: none, one, several, unknown."""
+
+import json
+
+import numpy as np
+import pytest
+from damper_rig import damper_campaign, damper_diagnosis, truth
+
+from mofit.diagnosis.diagnose import diagnose
+from mofit.diagnosis.summary import summary
+from mofit.errors import InputError
+from mofit.library import find_model
+from mofit.settings import Settings
+
+FRICTION = (("dry_friction", (("F_d", 30.0),)),)
+TWO = (("quadratic_damping", (("d_2", 1500.0),)), ("cubic_stiffness", (("k_c", 8e6),)))
+KEYS = {"verdict", "sentence", "effects", "group", "where", "shrinkage", "next_test", "noise_floor", "seconds"}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_gap_is_said_where_there_is_none(seed: int) -> None:
+    found = damper_diagnosis(seed=seed)
+    assert found.conclusion.verdict == "none"
+    assert found.conclusion.effects == ()
+    assert found.shrinkage is None
+    assert found.shrinkage_reason == "there is no gap"
+
+
+def test_friction_is_named_with_its_size_and_what_it_hides() -> None:
+    found = damper_diagnosis(FRICTION)
+    assert found.conclusion.verdict == "effect"
+    (effect,) = found.conclusion.effects
+    assert effect.name == "dry_friction"
+    assert effect.probability > 0.99
+    assert effect.size_low < 30.0 < effect.size_high
+    assert effect.size == pytest.approx(30.0, rel=0.02)
+    assert found.attribution.best_left.p > 0.01
+    assert max(found.nrmsd_after.values()) < 0.3 * max(found.nrmsd_before.values())
+
+
+def test_shrinkage_is_that_of_the_truth() -> None:
+    found, clean = damper_diagnosis(FRICTION).shrinkage, truth(FRICTION)
+    assert found is not None
+    left = [
+        np.mean((clean[one.test][one.start :][: len(one.after)] - prediction) ** 2) / np.ptp(clean[one.test]) ** 2
+        for prediction_of in ("before", "after")
+        for one in found.held_out
+        for prediction in [getattr(one, prediction_of)]
+    ]
+    half = len(left) // 2
+    actual = 1 - sum(left[half:]) / sum(left[:half])
+    assert found.confirmed == pytest.approx(actual, abs=0.01)
+    assert found.predicted == pytest.approx(actual, abs=0.02)
+    assert found.low - 0.01 < actual < found.high + 0.01
+
+
+def test_two_effects_at_once_are_both_named() -> None:
+    found = damper_diagnosis(TWO)
+    assert found.conclusion.verdict == "several"
+    assert found.attribution.best.effects == ("cubic_stiffness", "quadratic_damping")
+
+
+def test_without_the_right_effect_none_is_blamed() -> None:
+    found = damper_diagnosis(FRICTION, ("cubic_stiffness", "quadratic_damping", "delay", "inertia"))
+    assert found.conclusion.verdict == "unknown"
+    assert found.shrinkage is None
+    assert "none of the known effects" in found.shrinkage_reason.lower()
+
+
+def test_alike_effects_are_a_group_with_a_next_test() -> None:
+    """A weak filter behind the transducer is a delay as far as four low frequencies can tell."""
+    found = damper_diagnosis((("sensor_lowpass", (("T_f", 0.0015),)),), ("delay", "sensor_lowpass"))
+    assert found.conclusion.verdict == "group"
+    assert set(found.conclusion.group) == {"delay", "sensor_lowpass"}
+    assert found.next_test is not None
+    assert found.next_test.frequency >= 4.0
+
+
+def test_summary_is_plain_data_with_the_promised_keys() -> None:
+    told = summary(damper_diagnosis(FRICTION))
+    assert set(told) >= KEYS
+    again = json.loads(json.dumps(told, allow_nan=False))
+    assert again["effects"][0].keys() >= {"name", "probability", "size", "size_low", "size_high", "unit"}
+    assert again["shrinkage"].keys() >= {"predicted", "confirmed", "low", "high"}
+
+
+def test_the_same_seed_gives_the_same_numbers() -> None:
+    first = summary(damper_diagnosis(FRICTION))
+    model = find_model("kelvin_voigt_damper")
+    second = summary(diagnose(damper_campaign(FRICTION), model, (), Settings(jobs=2)))
+    first.pop("seconds"), second.pop("seconds")
+    assert first == second
+
+
+def test_an_effect_that_does_not_fit_is_refused() -> None:
+    model = find_model("kelvin_voigt_damper")
+    with pytest.raises(InputError, match="slip_offset"):
+        diagnose(damper_campaign(), model, ("slip_offset",), Settings(jobs=1))
+    with pytest.raises(InputError, match="unknown name"):
+        diagnose(damper_campaign(), model, ("no_such",), Settings(jobs=1))

@@ -1,0 +1,64 @@
+"""The command and its page."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from damper_rig import damper_campaign
+
+from mofit.campaign_file import write_campaign
+from mofit.cli import main
+
+FRICTION = (("dry_friction", (("F_d", 30.0),)),)
+OWN = """
+from mofit.model import Applied, Effect
+from mofit.parameters import Parameter
+
+
+class Stiction(Effect):
+    name = "own_effect"
+    title = "an effect of my own"
+    on = ("damper_force",)
+    needs = ("velocity",)
+    parameters = (Parameter("own_size", "N s^3/m^3", -1e6, 1e6, 1e3, neutral=0.0),)
+
+    def apply(self, s, value):
+        return Applied(value + s.own_size * s.velocity**3)
+"""
+
+
+@pytest.fixture(scope="module")
+def campaign_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("campaign") / "damper.nc"
+    write_campaign(damper_campaign(FRICTION), file)
+    return file
+
+
+def test_command_prints_json_and_writes_a_page(campaign_file: Path, tmp_path: Path, capsys) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(OWN)
+    out = tmp_path / "diagnosis"
+    arguments = ["diagnose", str(campaign_file), "--model", "kelvin_voigt_damper", "--json", "--jobs", "1"]
+    for name in ("dry_friction", "delay", "cubic_stiffness", str(own)):
+        arguments += ["--effects", name]
+    assert main([*arguments, "--out", str(out)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["verdict"] == "effect"
+    assert [effect["name"] for effect in told["effects"]] == ["dry_friction"]
+    assert "own_effect" in {one["name"] for one in told["candidates"]}
+    page = (out / "diagnosis.html").read_text()
+    assert page.index("The gap is caused by dry friction") < page.index('id="where"') < page.index('id="which"')
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
+    assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "effect"
+    # the folder is there now
+    assert main([*arguments, "--out", str(out)]) == 2
+
+
+def test_bad_input_writes_nothing(campaign_file: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "never"
+    assert main(["diagnose", str(campaign_file), "--effects", "no_such", "--out", str(out)]) == 2
+    assert "no_such" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(["diagnose", str(tmp_path / "absent.nc"), "--out", str(out)]) == 2
+    assert not out.exists()

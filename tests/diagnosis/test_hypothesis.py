@@ -1,0 +1,88 @@
+"""Hypotheses: exact slopes, the prior's rows, and effects that the calibration tests had too."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from damper_rig import WORKSHOP, damper_fit
+
+from mofit.calibration import calibrate
+from mofit.diagnosis.cause import causes, recalibrated
+from mofit.diagnosis.hypothesis import hypothesis
+from mofit.library import find_effect, find_model
+from mofit.objectives import GaussianPrior
+from mofit.parameters import ParameterSpace
+from mofit.simulate import plan as plans
+from mofit.simulate import run_plan
+
+CONDITIONS = {"longitudinal_velocity": 16.7}
+
+
+def test_jacobian_is_that_of_the_residual() -> None:
+    fitted = damper_fit()
+    effect = find_effect("dry_friction")
+    observed = fitted.hypothesis.observed
+    model = hypothesis(observed, causes(effect, observed.problem.space, (), WORKSHOP)[:1])
+    point = np.concatenate([fitted.minimum.point, [0.05, 0.6]])
+    model = model.at_steps_for(point[None])
+    here = model.linear(point[None])
+    for k in range(len(point)):
+        near = point.copy()
+        near[k] += 1e-5
+        change = (model.linear(near[None]).residual[0] - here.residual[0]) / 1e-5
+        scale = np.linalg.norm(here.jacobian[0, :, k])
+        assert np.linalg.norm(change - here.jacobian[0, :, k]) < 2e-3 * scale
+
+
+def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
+    fitted = damper_fit()
+    point = fitted.minimum.point
+    value, gradient, hessian = fitted.hypothesis.evaluate(np.stack([point, point * np.nan]))
+    assert value[0] == pytest.approx(fitted.minimum.value)
+    assert np.isnan(value[1])
+    assert np.isfinite(gradient).all()
+    assert np.isfinite(hessian).all()
+
+
+def calibration_campaign(offset: float):
+    effects = (plans.EffectPlan(name="slip_offset", parameters={"alpha_0": offset}),) if offset else ()
+    steps = [plans.TestPlan(name=f"step{a}", kind="step", sample_rate=50.0, amplitude=a, ramp_rate=1.0, duration=6.0)
+             for a in (0.02, 0.035, 0.07)]  # fmt: skip
+    return run_plan(
+        plans.Plan(
+            title="steps", model="maxwell_tyre", seed=1, conditions=CONDITIONS, effects=effects, tests=tuple(steps)
+        )
+    )
+
+
+def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_foreseen() -> None:
+    model = find_model("maxwell_tyre")
+    space = ParameterSpace(model.parameters)
+    offset = 2e-4
+    with_, without = (calibrate(model, calibration_campaign(a), space, seed=0, jobs=1)[0] for a in (offset, 0.0))
+    effect = find_effect("slip_offset")
+    _, everywhere = causes(effect, space, with_, WORKSHOP)
+    names = with_[0].problem.space.names
+    place = [space.index(name) for name in names]
+    moved = with_[0].minimum - without[0].minimum
+    np.testing.assert_allclose(everywhere.carried[place, 0] * offset, moved, rtol=0.1)
+    # looked at with the offset itself, the stage finds what it had found without one
+    again = recalibrated(everywhere, {"alpha_0": offset}, space, with_, WORKSHOP)
+    np.testing.assert_allclose(again.moved[place], -moved, rtol=1e-2)
+
+
+def test_the_prior_follows_an_effect_of_the_calibration_tests() -> None:
+    """R (mean - u) is the same whether an effect moved the estimates by b a, or the estimates moved by themselves."""
+    fitted = damper_fit()
+    observed, space = fitted.hypothesis.observed, fitted.hypothesis.space
+    prior = GaussianPrior(("c", "d"), np.array([0.3, 0.6]), np.array([[100.0, 20.0], [20.0, 50.0]]))
+    known = replace(observed, problem=replace(observed.problem, prior=prior))
+    cause = causes(find_effect("force_gain"), space, (), WORKSHOP)[0]
+    carried = np.array([[0.4], [0.0], [-0.2], [0.0]])
+    model = hypothesis(known, [replace(cause, carried=carried)])
+    rows, mean = model.prior_rows
+    gain = 0.05
+    point = np.full(len(model.space), 0.5)
+    point[-1] = model.space.subset(["g_F"]).to_unit([gain])[0]
+    offset = np.array([0.3, 0.6]) - 0.5 - gain * carried[[0, 2], 0]
+    assert np.sum((rows @ (mean - point)) ** 2) == pytest.approx(offset @ prior.precision @ offset)

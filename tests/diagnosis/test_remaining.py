@@ -1,0 +1,56 @@
+"""Tests for what is left: they see what is planted, and nothing where there is nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from damper_rig import NOISE, damper_fit
+
+from mofit.diagnosis.agreement import agreements
+from mofit.diagnosis.locate import locate, significant
+from mofit.diagnosis.remaining import remaining
+
+
+def planted(per_line: float, frequency: float, test: int = 2):
+    """The fitted damper with a cosine of this amplitude [N] added to one test's residual."""
+    fitted = damper_fit()
+    observed = fitted.hypothesis.observed
+    w = observed.parts[test][2]
+    time = np.arange(w.count) * w.step
+    rows = np.zeros(len(fitted.residual))
+    rows[: len(observed.measured)][observed.part == test] = w.rows(
+        np.pad(per_line * np.cos(2 * np.pi * frequency * time), (w.start, 0))[:, None]
+    )[:, 0]
+    return replace(fitted, residual=fitted.residual + rows)
+
+
+def test_nothing_is_left_where_nothing_is_missing() -> None:
+    for seed in (1, 2, 3):
+        assert remaining(damper_fit(seed=seed)).p > 0.01
+        assert not significant(locate(damper_fit(seed=seed)), 0.01).any()
+
+
+@pytest.mark.parametrize(("frequency", "clue"), [(4.0, "even"), (6.0, "odd"), (13.7, "highest other line")])
+def test_a_planted_line_is_found_in_its_class(frequency: float, clue: str) -> None:
+    found = remaining(planted(NOISE, frequency))
+    assert found.p < 1e-6
+    assert clue in {one.name for one in found.clues if one.p < 1e-4}
+
+
+def test_the_gap_is_measured_in_newtons() -> None:
+    where = locate(planted(5 * NOISE, 6.0))
+    (spot,) = [spot for spot, loud in zip(where.spots, significant(where, 0.01), strict=True) if loud]
+    assert (spot.test, spot.lines) == ("2Hz", "odd")
+    assert spot.gap == pytest.approx(5 * NOISE / np.sqrt(2), rel=0.1)
+    assert spot.share > 0.9
+    assert where.gap == pytest.approx(5 * NOISE / np.sqrt(2) / 2, rel=0.1)  # one of four tests
+    assert np.nanmax(np.abs(where.input_map.gap)) > 2 * NOISE
+    assert max(np.mean(part.gap) for part in where.time_maps) == np.mean(where.time_maps[2].gap)
+
+
+def test_single_tests_agree_unless_something_is_missing() -> None:
+    assert all(not one.p < 0.01 for one in agreements(damper_fit()))
+    lacking = damper_fit((("second_branch", (("c_2", 2000.0),)),))
+    worst = min(agreements(lacking), key=lambda one: np.nan_to_num(one.p, nan=1.0))
+    assert worst.p < 1e-4
+    assert worst.i_squared > 0.5

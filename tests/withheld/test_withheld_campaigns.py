@@ -1,0 +1,84 @@
+"""Generated campaigns as the package sees them: without a hidden effect its model is right."""
+
+import numpy as np
+import pytest
+from append import append_test
+from generate import make
+from hidden import Slot, label, setting
+from respond import Case, respond
+from specimen import NOISES
+
+from mofit.calibration import calibrate, calibrated_values
+from mofit.campaign_file import read_campaign
+from mofit.check import check_campaign
+from mofit.library import find_model
+from mofit.posing import choose_tests, main_problem
+from mofit.refine import merge, refine
+from mofit.settings import Settings, free_space
+
+
+def made(tmp_path, slot):
+    make([slot], tmp_path, tmp_path / "labels.sealed", {})
+    return tmp_path / f"{slot.campaign}.nc"
+
+
+@pytest.mark.parametrize("number", range(3), ids=NOISES)
+def test_without_effect_the_model_is_right(tmp_path, number):
+    slot = Slot(31, "none", "", number)
+    path = made(tmp_path, slot)
+    campaign, model, settings = read_campaign(path), find_model("maxwell_tyre"), Settings()
+    space = free_space(model, settings)
+    calibrations, warnings = calibrate(model, campaign, space, seed=0, jobs=1)
+    assert warnings == []
+    selected = campaign.select(choose_tests(model, campaign, ()))
+    problem = main_problem(model, selected, space, calibrations, settings)
+    known = calibrated_values(calibrations)
+    start = problem.space.to_unit([known.get(p.name, p.nominal) for p in problem.space.parameters])
+    (best, *_) = merge(refine(problem.evaluate, start[None]))
+    specimen, tests = setting(slot)
+    sines = [test for test in tests if test.kind == "sine"]
+    true = respond([(Case(specimen), test) for test in sines])
+    at_truth, at_fit = (
+        problem.simulator.sensitivities(problem.full(u[None]))
+        for u in (problem.space.to_unit([specimen[name] for name in problem.space.names]), best.point)
+    )
+    for test, force in zip(sines, true, strict=True):
+        index, settled = problem.tests.index(test.name), round(test.rate / test.frequency)
+        here, fitted = (out[index][0][0, :, 0] for out in (at_truth, at_fit))
+        # two integrators of the same equations, far below the 0.3 to 1 N to which noise lets a line be known
+        assert np.sqrt(np.mean((here - force)[settled:] ** 2)) < 0.06
+        measured = selected.select((test.name,)).measurements[0].outputs["lateral_force"]
+        noise, left = (np.sqrt(np.mean((measured - x)[settled:] ** 2)) for x in (force, fitted))
+        assert left == pytest.approx(noise, rel=0.03)
+    for name, value in zip(problem.space.names, problem.space.from_unit(best.point), strict=True):
+        assert value == pytest.approx(specimen[name], rel=0.25 if name == "d_y" else 0.12)
+
+
+def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
+    path = made(tmp_path, Slot(31, "none", "", 0))
+    campaign = read_campaign(path)
+    assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
+    sines = [m.procedure for m in campaign.measurements if m.kind == "sine"]
+    assert len(sines) == 9
+    for procedure in sines:
+        assert procedure.start_time is not None
+        assert {"wheel_phase", "drum_phase", "drum_radius", "dynamic_rolling_radius"} <= set(procedure.conditions)
+
+
+def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
+    slot = Slot(31, "none", "", 0)
+    path = made(tmp_path, slot)
+    entry = label(slot)
+    spec = {"kind": "sine", "frequency": 6.0, "amplitude": 0.02, "duration": 10.0, "separation": 50.0,
+            "conditions": {"longitudinal_velocity": 5.56}}  # fmt: skip
+    append_test(path, entry, spec, tmp_path / "next.nc")
+    before, after = read_campaign(path), read_campaign(tmp_path / "next.nc")
+    assert [m.name for m in after.measurements][:-1] == [m.name for m in before.measurements]
+    added = after.measurements[-1]
+    assert (added.name, added.kind, added.procedure.frequency) == ("sine_next", "sine", 6.0)
+    assert added.procedure.conditions["longitudinal_velocity"] == 5.56
+    assert added.procedure.start_time > max(m.procedure.start_time or 0 for m in before.measurements)
+    assert np.ptp(added.outputs["lateral_force"]) > 200
+    with pytest.raises(ValueError, match="runs sines and steps"):
+        append_test(path, entry, {**spec, "conditions": {"vertical_force": 5000.0}}, tmp_path / "other.nc")
+    assert not (tmp_path / "other.nc").exists()

@@ -1,0 +1,195 @@
+"""The scorer of withheld effects: counting against labels that are opened last."""
+
+import json
+
+import numpy as np
+import pytest
+from hidden import Slot, case_of, setting
+from respond import respond
+from score import actual, main
+from sealed import seal
+from tally import Pairing, confusion, figures, interval, upper_bound
+
+
+def said(verdict, *names, size=1.0, shrinkage=None, **more):
+    effects = [{"name": n, "size": size, "size_low": 0.9 * size, "size_high": 1.1 * size} for n in names]
+    return {"verdict": verdict, "effects": effects, "group": [], "shrinkage": shrinkage, "seconds": 3.0, **more}
+
+
+def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", others=500.0):
+    causes = [
+        {"name": n, "named": n, "size": size, "unit": "1", "knobs": {"x": size}, "strength_beside_others": strength,
+         "strength": strength} for n in names
+    ]  # fmt: skip
+    separation = {**dict.fromkeys(names, 0.0), "other": others}
+    return {"case": case, "cause": names[0] if len(names) == 1 else "", "noise": noise, "causes": causes,
+            "beyond_library": beyond, "separation": separation}  # fmt: skip
+
+
+def pairs(*rows):
+    return [Pairing(str(i), *row) for i, row in enumerate(rows)]
+
+
+def test_bounds_are_those_of_clopper_and_pearson():
+    assert upper_bound(0, 400) == pytest.approx(1 - 0.05 ** (1 / 400), rel=1e-9)
+    assert upper_bound(3, 3) == 1.0
+    low, high = interval(5, 10)
+    assert (low, high) == pytest.approx((0.1871, 0.8129), abs=1e-4)
+    assert interval(0, 10)[0] == 0.0
+
+
+def test_false_alarms_are_all_that_is_not_none():
+    rows = pairs(
+        (hidden("none"), said("none")),
+        (hidden("none", noise="level"), said("unknown")),
+        (hidden("none", noise="level"), said("effect", "delay")),
+        (hidden("none"), said("none")),
+    )
+    found = figures(rows)["none"]
+    assert found["false_alarms"]["hits"] == 2
+    assert found["by_noise"]["level"]["share"] == 1.0
+    assert found["by_noise"]["white"]["share"] == 0.0
+
+
+def test_naming_by_strength():
+    rows = pairs(
+        (hidden("effect", "delay"), said("effect", "delay")),
+        (hidden("effect", "delay"), said("group", "delay", group=["delay", "sensor_lowpass"])),
+        (hidden("effect", "delay"), said("effect", "speed")),
+        (hidden("effect", "delay"), said("several", "delay", "drift")),
+        (hidden("effect", "delay", strength=20.0), said("none")),
+        (hidden("effect", "delay", strength=20.0), said("effect", "delay")),
+        (hidden("effect", "delay", strength=5.0), said("none")),
+    )
+    found = figures(rows)
+    assert found["strong"]["exact"]["hits"] == 1
+    assert found["strong"]["exact"]["count"] == 4
+    assert found["strong"]["in_set"]["hits"] == 3
+    assert found["strong"]["set_size"] == pytest.approx((1 + 2 + 1 + 2) / 4)
+    assert found["weaker"]["in_set"]["share"] == 0.5
+    assert found["fainter"]["said_none"]["share"] == 1.0
+    assert found["by_effect"]["delay"]["exact"]["share"] == 0.25
+
+
+def test_strangers_count_only_where_the_library_cannot_explain_them():
+    rows = pairs(
+        (hidden("unknown", "gear_mesh", beyond=200.0), said("unknown", "delay")),
+        (hidden("unknown", "gear_mesh", beyond=200.0), said("effect", "delay")),
+        (hidden("unknown", "gear_mesh", beyond=10.0), said("effect", "delay")),
+    )
+    found = figures(rows)["unknown"]
+    assert found["said_unknown"]["hits"] == found["confidently_wrong"]["hits"] == 1
+    assert found["said_unknown"]["count"] == 2
+
+
+def test_two_at_once():
+    rows = pairs(
+        (hidden("pair", "delay", "drift"), said("several", "drift", "delay")),
+        (hidden("pair", "delay", "drift"), said("several", "delay", "speed")),
+        (hidden("pair", "delay", "drift"), said("unknown", "delay")),
+    )
+    found = figures(rows)["pairs"]
+    assert found["both_named"]["hits"] == 1
+    assert (found["precision"]["hits"], found["precision"]["count"]) == (3, 4)
+
+
+def test_shrinkage_and_size_of_what_was_named_exactly():
+    shrinkage = {"predicted": 0.9, "confirmed": 0.94, "low": 0.93, "high": 0.97}
+    entry = hidden("effect", "delay", size=2.0)
+    rows = [
+        Pairing("a", entry, said("effect", "delay", size=2.1, shrinkage=shrinkage), 0.95),
+        Pairing("b", entry, said("effect", "delay", size=4.0, shrinkage=shrinkage), 0.85),
+        Pairing("c", entry, said("effect", "speed", size=9.0, shrinkage=shrinkage), 0.1),
+    ]
+    found = figures(rows)
+    assert found["shrinkage"]["predicted_off"]["median"] == pytest.approx(0.05)
+    assert found["shrinkage"]["covered"]["hits"] == 1
+    assert found["size"]["error"]["max"] == pytest.approx(1.0)
+    assert found["size"]["covered"]["hits"] == 1
+
+
+def test_sizes_of_two_parts_are_compared_part_by_part():
+    entry = hidden("effect", "wheel_order", size=5.0)
+    entry["causes"][0]["knobs"] = {"A_wc": 3.0, "A_ws": 4.0}
+    result = said("effect", "wheel_order", size=5.0)
+    result["effects"][0]["parameters"] = {"A_wc": -3.0, "A_ws": 4.0}
+    found = figures([Pairing("a", entry, result)])["size"]
+    assert found["error"]["max"] == pytest.approx(6 / 5)
+
+
+def test_the_removed_effect_and_the_next_test():
+    rows = pairs((hidden("effect", "delay"), said("group", "delay", next_test={"resolves": True})))
+    after = pairs(
+        (hidden("effect", "delay"), said("effect", "delay")), (hidden("effect", "delay"), said("group", "delay"))
+    )
+    without = pairs(
+        (hidden("effect", "delay"), said("unknown")),
+        (hidden("effect", "delay"), said("effect", "speed")),
+        (hidden("effect", "delay", others=20.0), said("effect", "other")),
+    )
+    found = figures(rows, after, without)
+    assert found["next_test"]["claimed"] == 1
+    assert found["next_test"]["resolved"]["share"] == 0.5
+    assert found["without_the_true_one"]["said_unknown"]["count"] == 2
+    assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
+
+
+def test_confusion_counts_every_campaign_once():
+    rows = pairs(
+        (hidden("none"), said("none")),
+        (hidden("effect", "delay"), said("effect", "delay")),
+        (hidden("effect", "speed"), said("effect", "delay")),
+        (hidden("effect", "speed"), said("group", "delay", group=["delay", "speed"])),
+        (hidden("unknown", "gear_mesh"), said("unknown")),
+        (hidden("pair", "delay", "speed"), said("several", "delay", "speed")),
+    )
+    down, across, counts = confusion(rows)
+    assert down == ["no effect", "delay", "speed", "gear_mesh", "two effects"]
+    assert counts.sum() == len(rows)
+    where = {(row, column): counts[i, j] for i, row in enumerate(down) for j, column in enumerate(across)}
+    assert where["delay", "delay"] == where["speed", "delay"] == where["speed", "group with it"] == 1
+    assert (
+        where["two effects", "several, all right"] == where["gear_mesh", "unknown"] == where["no effect", "none"] == 1
+    )
+
+
+def test_true_shrinkage_comes_from_predictions_where_there_are_any(tmp_path):
+    slot = Slot(3, "effect", "force_gain", 0)
+    specimen, tests = setting(slot)
+    entry = {
+        "seed": 3, "case": "effect", "cause": "force_gain", "number": 0, "specimen": specimen,
+        "causes": [{"knobs": {"g_F": 0.02}, "place": ["sine"]}], "shrinkage": {"share": 0.9},
+    }  # fmt: skip
+    assert actual(entry, tmp_path / "none.npz") == 0.9
+    test = next(t for t in tests if t.name == "sine_2_00Hz")
+    true, bare = respond([(case_of(entry), test), (case_of(entry, bare=True), test)])
+    arrays = {"start": 50, "before": bare[50:], "after": 0.9 * true[50:] + 0.1 * bare[50:]}
+    np.savez(tmp_path / "a.npz", **{f"sine_2_00Hz/{key}": value for key, value in arrays.items()})
+    assert actual(entry, tmp_path / "a.npz") == pytest.approx(0.99, abs=1e-9)
+
+
+def test_command_writes_page_figures_and_picture(tmp_path, monkeypatch, capsys):
+    labels, results = tmp_path / "labels.sealed", tmp_path / "results"
+    results.mkdir()
+    for name, entry, result in (
+        ("a", hidden("none"), said("none")),
+        ("b", hidden("effect", "delay"), said("effect", "delay")),
+        ("c", hidden("effect", "delay"), None),
+    ):
+        seal(labels, name, entry)
+        if result:
+            (results / f"{name}.json").write_text(json.dumps(result))
+    arguments = ["score.py", str(labels), str(results), "--out", str(tmp_path / "report")]
+    monkeypatch.setattr("sys.argv", arguments)
+    main()
+    found = json.loads((tmp_path / "report" / "figures.json").read_text())
+    assert found == json.loads(capsys.readouterr().out)
+    assert found["not_diagnosed"] == 1
+    assert found["strong"]["exact"]["share"] == 1.0
+    assert [r["verdict"] for r in json.loads((tmp_path / "report" / "rows.json").read_text())] == ["none", "effect"]
+    text = (tmp_path / "report" / "README.md").read_text()
+    assert "| no effect: false alarms | 0/1 = 0.0 % (0.0 % to 97.5 %) | ≤ 1 % |" in text
+    assert (tmp_path / "report" / "confusion.png").read_bytes().startswith(b"\x89PNG")
+    monkeypatch.setattr("sys.argv", [*arguments[:2], str(tmp_path), *arguments[3:]])
+    with pytest.raises(SystemExit, match="run the diagnosis first"):
+        main()
