@@ -10,7 +10,19 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = ("check", "identify", "simulate", "import", "report", "uncertainty", "compare", "design", "bench")
+COMMANDS = (
+    "check",
+    "identify",
+    "simulate",
+    "import",
+    "report",
+    "uncertainty",
+    "compare",
+    "design",
+    "diagnose",
+    "batch",
+    "bench",
+)
 
 
 def mofit(*arguments, cwd=None):
