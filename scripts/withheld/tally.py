@@ -101,7 +101,7 @@ def figures(
     strong = [p for p in effects if p.strength >= STRONG]
     weaker = [p for p in effects if WEAK <= p.strength < STRONG]
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
-    missed = [p for p in without if p.strength >= STRONG and _next_best(p) >= SEPARABLE]
+    missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
@@ -183,6 +183,11 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
         "said_none": share(p.verdict == "none" for p in found),
         "said_unknown": share(p.verdict == "unknown" for p in found),
     }
+
+
+def removable(p: Pairing) -> bool:
+    """Whether a strong effect must be missed where it is no candidate: no other one can stand in for it."""
+    return p.strength >= STRONG and _next_best(p) >= SEPARABLE
 
 
 def _next_best(p: Pairing) -> float:

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def page(found: Mapping[str, Any], down: Sequence[str], across: Sequence[str], counts: NDArray[np.int64]) -> str:
+def page(
+    found: Mapping[str, Any], down: Sequence[str], across: Sequence[str], counts: NDArray[np.int64], made_by: str = ""
+) -> str:
     """All figures as Markdown, each beside what was asked for."""
     none, strong, unknown, pairs = found["none"], found["strong"], found["unknown"], found["pairs"]
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
         "# Withheld effects",
         "",
+        *([f"Made by {made_by}.", ""] if made_by else []),
         "Campaigns of `scripts/withheld/generate.py`, diagnosed without their labels; labels opened by",
         "`scripts/withheld/score.py` alone. Shares have 95 % intervals (Clopper–Pearson). Strength: the expected score",
         "statistic of the true effect, from the truth. Exact: that effect and no other is named.",
