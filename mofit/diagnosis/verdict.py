@@ -93,7 +93,8 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
     of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
     beyond_noise = found.best_left.p < thresholds.left and of_peak.max() > thresholds.left_of_peak
-    left = beyond_noise and share > thresholds.left_share
+    many = len(best.effects) == thresholds.most_effects
+    left = beyond_noise and share > (thresholds.left_share_of_most if many else thresholds.left_share)
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)
