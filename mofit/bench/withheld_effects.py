@@ -26,6 +26,8 @@ from mofit.errors import InputError
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: Campaigns without effect, with two, and with another law, per campaign of one effect.
 NONE, PAIRS, KIN = 20, 3, 0.5
+#: Campaigns that a process diagnoses before another takes its place.
+_TASKS = 25
 #: Parts of the package that a diagnosis does not depend on.
 _ASIDE = {"bench", "cli", "identifiability", "report", "sample", "search"}
 
@@ -76,7 +78,8 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
     _program("generate.py", "--out", place, *options, "--seed", str(seed))
     results = place / f"results-{_code()}"
     first, following, without = (results / name for name in ("first", "next", "without"))
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    # a process keeps what it compiled; after some campaigns that fills the memory
+    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=_TASKS) as pool:
         _diagnosed(pool, place / "campaigns", first, None)
         _program("append.py", place, first, "--out", following / "campaigns")
         _diagnosed(pool, following / "campaigns", following, None)

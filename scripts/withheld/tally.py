@@ -14,6 +14,8 @@ from scipy.stats import beta
 STRONG, WEAK = 50.0, 16.0
 #: what the whole library leaves of a stranger, and the best other effect of a removed one, from which it must be missed
 CLEAR, SEPARABLE = 50.0, 100.0
+#: what the best other effect leaves of one from which these tests can surely tell it from all others
+TOLD_APART = 40.0
 
 CASES = ("none", "effect", "kin", "unknown", "pair")
 #: verdicts beside a single name
@@ -114,6 +116,7 @@ def figures(
             },
         },
         "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
+        "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.strength < WEAK]),
         "kin": _naming([p for p in by_case["kin"] if p.strength >= STRONG]),

@@ -10,7 +10,10 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = ("check", "identify", "simulate", "import", "report", "uncertainty", "compare", "design", "bench")
+COMMANDS = (
+    *("check", "identify", "simulate", "import", "report", "uncertainty", "compare", "design", "diagnose"),
+    "bench",
+)
 
 
 def mofit(*arguments, cwd=None):
