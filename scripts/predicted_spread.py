@@ -117,7 +117,9 @@ def estimate(
     found = merge(refine(counted.evaluate, np.stack([minimum.point for minimum in first])))[0]
     wide = spread_problem(counted, found.point)
     (moved, *_) = merge(refine(wide.evaluate, found.point[None], RefineSettings(join=None)))
-    claimed = np.sqrt(np.diag(laplace_covariance(moved.hessian)))
+    freedom = wide.adjustment.freedom  # the likelihood is Student-t: wider than its curvature at the top says
+    precision = (1 - 2 / freedom) * wide.adjustment.precision + wide.problem.prior_precision
+    claimed = np.sqrt(np.diag(laplace_covariance(precision)))
     values = space.from_unit(moved.point)
     return values, claimed * space.slope(values)
 

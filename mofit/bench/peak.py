@@ -36,7 +36,8 @@ def peak_fma_rate(repeats: int = 20) -> float:
     for chain, value in enumerate(following):
         emitter.store(value, function.args[0], chain * host().width)
     build.ret_void()
-    code = compile_entry(module_text(module), (), ctypes.CFUNCTYPE(None, ctypes.c_void_p))
+    text = module_text(module)
+    code = compile_entry(text, lambda: text, (), ctypes.CFUNCTYPE(None, ctypes.c_void_p))
     data = np.ones(_CHAINS * host().width)
     best = np.inf
     for _ in range(repeats):

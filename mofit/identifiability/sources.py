@@ -195,7 +195,8 @@ def measured_source(
     }
     notes = [f"{name}: noise as its data show it."]
     if missing := [p.name for p in space.parameters if p.name not in known]:
-        notes.append(f"{name}: {', '.join(missing)} taken at nominal values unless --at or --run gives others.")
+        which = ", ".join(missing)
+        notes.append(f"{name}: its calibration tests do not tell {which}: from --run or --at, else nominal values.")
     return Source(name, model, space, values, tuple(tests), noise, (*notes, *_uncalibrated(model, tests)))
 
 

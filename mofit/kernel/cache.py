@@ -1,8 +1,8 @@
 """Machine code kept on disk, so that the same model need not be compiled again in the next process.
 
-A file is named by the hash of everything that decides its content (IR, processor, LLVM) and begins with the hash of the
-code in it: a damaged file is ignored and written anew. Files are replaced atomically. Without a folder that can be
-written to, nothing is kept.
+A file is named by the hash of everything that decides its content (graph, this package, processor, LLVM) and begins
+with the hash of the code in it: a damaged file is ignored and written anew. Files are replaced atomically. Without a
+folder that can be written to, nothing is kept.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from pathlib import Path
 
 #: Names the folder instead of the user's cache folder; empty: nothing is kept.
 VARIABLE = "MOFIT_KERNEL_CACHE"
-#: Oldest files go when the folder holds more; one model takes about ten.
-_MOST_FILES = 500
+#: Oldest files go when the folder holds more; one model takes about ten of 10 kB each, a diagnosis some hundreds.
+_MOST_FILES = 5000
 _DIGEST = sha256().digest_size
 
 

@@ -20,6 +20,7 @@ LIBM = {
     ca.OP_ACOSH: "acosh", ca.OP_ATANH: "atanh", ca.OP_ATAN2: "atan2", ca.OP_LOG1P: "log1p", ca.OP_EXPM1: "expm1",
     ca.OP_HYPOT: "hypot", ca.OP_REMAINDER: "remainder",
 }  # fmt: skip
+LIBM_NAMES = tuple(sorted(set(LIBM.values())))
 _COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "=="}
 _INTRINSIC = {
     ca.OP_SQRT: "sqrt", ca.OP_FABS: "fabs", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_COPYSIGN: "copysign",
@@ -43,7 +44,6 @@ class Emitter:
     def __init__(self, module: ir.Module, builder: ir.IRBuilder, lanes: int, fma: bool) -> None:
         self.module, self.builder, self.lanes, self.fma = module, builder, lanes, fma
         self.type = ir.VectorType(F64, lanes)
-        self.libm: set[str] = set()
         self._truth: dict[ir.Value, ir.Value] = {}  # a truth value as a mask, by its 0/1 form
 
     def constant(self, value: float) -> ir.Constant:
@@ -119,7 +119,6 @@ class Emitter:
         return ir.Function(self.module, ir.FunctionType(kind, [kind] * count), name)
 
     def _per_lane(self, name: str, *args: ir.Value) -> ir.Value:
-        self.libm.add(name)
         function = self._declare(f"libm_{name}", F64, len(args))
         result = ir.Constant(self.type, ir.Undefined)
         for lane in range(self.lanes):

@@ -11,7 +11,7 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from mofit.kernel.emit import I64, PTR, Emitter
+from mofit.kernel.emit import I64, LIBM_NAMES, PTR, Emitter
 from mofit.kernel.machine import Code, compile_entry, host
 from mofit.kernel.program import Program, trace
 
@@ -71,6 +71,11 @@ def evaluate_function(function: ca.Function, *points: Array, lanes: int = 8) -> 
 
 @lru_cache(maxsize=256)
 def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
+    what = ("evaluate", ca.CasadiMeta.version(), program, sizes, lanes)
+    return compile_entry(what, lambda: _text(program, sizes, lanes), LIBM_NAMES, _SIGNATURE)
+
+
+def _text(program: Program, sizes: tuple[int, ...], lanes: int) -> str:
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     module, function, build = new_function("run", [PTR, PTR, I64, I64])
     source, target, blocks, stride = function.args
@@ -99,4 +104,4 @@ def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
     build.cbranch(build.icmp_signed("<", following, blocks), loop, done)
     build.position_at_end(done)
     build.ret_void()
-    return compile_entry(module_text(module), tuple(sorted(emitter.libm)), _SIGNATURE)
+    return module_text(module)

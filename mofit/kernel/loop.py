@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-from casadi import OP_CONST
+from casadi import OP_CONST, CasadiMeta
 from llvmlite import ir
 
-from mofit.kernel.emit import F64, I64, PTR, Emitter
+from mofit.kernel.emit import F64, I64, LIBM_NAMES, PTR, Emitter
 from mofit.kernel.evaluate import module_text, new_function
 from mofit.kernel.machine import Code, compile_entry, host
 from mofit.kernel.program import LANE, TIME, Program
@@ -124,7 +124,8 @@ def compile_loop(sample: Split, substep: Split | None, shape: Shape, reduce: boo
     one step by ``sample``, then further steps by ``substep`` if the loop is refined. A reducing
     loop sums weighted squares, another stores the outputs of every sample.
     """
-    return _Loop(sample, substep, shape, reduce, lanes).compile()
+    what = ("loop", CasadiMeta.version(), sample, substep, shape, reduce, lanes)
+    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), LIBM_NAMES, _SIGNATURE)
 
 
 class _Loop:
@@ -133,8 +134,8 @@ class _Loop:
         self.module, self.run, self.build = new_function("run", [PTR, I64, PTR])
         self.emitter = Emitter(self.module, self.build, lanes, host().fma)
 
-    def compile(self) -> Code:
-        """Emit and compile."""
+    def text(self) -> str:
+        """Emit the module."""
         build, (jobs, count, counter) = self.build, self.run.args
         fetch, work, done = (self.run.append_basic_block(name) for name in ("fetch", "work", "done"))
         build.branch(fetch)
@@ -146,7 +147,7 @@ class _Loop:
         build.branch(fetch)
         build.position_at_end(done)
         build.ret_void()
-        return compile_entry(module_text(self.module), tuple(sorted(self.emitter.libm)), _SIGNATURE)
+        return module_text(self.module)
 
     def _field(self, job: ir.Value, name: str, kind: ir.Type = PTR) -> ir.Value:
         place = self.build.gep(job, [ir.Constant(I64, _FIELD[name])], source_etype=I64)

@@ -6,10 +6,13 @@ import ctypes
 import ctypes.util
 import itertools
 import threading
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
+from pathlib import Path
 
+import llvmlite
 import llvmlite.binding as llvm
 
 from mofit.kernel import cache as cache_files
@@ -71,33 +74,42 @@ class Code:
     entry: ctypes._CFuncPtr  # type: ignore[name-defined]
 
 
-def compile_entry(text: str, libm: tuple[str, ...], signature: type) -> Code:
-    """Compile LLVM IR whose entry function is ``run``.
+def compile_entry(what: object, text: Callable[[], str], libm: Iterable[str], signature: type) -> Code:
+    """Compile LLVM IR whose entry function is ``run``, or take what is kept of it.
 
     Parameters
     ----------
+    what
+        All that decides the text, apart from this package itself and the processor; known by its ``repr``.
     text
-        A module.
+        Writes the module, if it is needed.
     libm
-        Functions of the C mathematics library that it calls, declared as ``libm_<name>``.
+        Functions of the C mathematics library that it may call, declared as ``libm_<name>``.
     signature
         The ctypes type of ``run``.
     """
     with _lock:
         target = host()
-        library = llvm.JITLibraryBuilder().add_object_img(_object(text, target)).export_symbol("run")
+        library = llvm.JITLibraryBuilder().add_object_img(_object(what, text, target)).export_symbol("run")
         for name in libm:
             library.import_symbol(f"libm_{name}", libm_address(name))
         tracker = library.link(target.jit, f"mofit_{next(_serial)}")
         return Code(tracker, signature(tracker["run"]))
 
 
-def _object(text: str, target: Host) -> bytes:
+@cache
+def _package() -> str:
+    """Hash of the code that writes modules."""
+    return sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+
+
+def _object(what: object, text: Callable[[], str], target: Host) -> bytes:
     """Machine code of a module, from the cache where it is kept."""
-    key = sha256("\n".join([text, target.name, str(llvm.llvm_version_info)]).encode()).hexdigest()
+    versions = (_package(), target.name, llvm.llvm_version_info, llvmlite.__version__)
+    key = sha256(repr((what, *versions)).encode()).hexdigest()
     code = cache_files.load(key)
     if code is None:
-        module = llvm.parse_assembly(text)
+        module = llvm.parse_assembly(text())
         options = llvm.create_pipeline_tuning_options(speed_level=2)
         options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
         builder = llvm.create_pass_builder(target.machine, options)

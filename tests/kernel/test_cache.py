@@ -23,7 +23,7 @@ def place(tmp_path, monkeypatch):
 
 
 def twice(x):
-    code = compile_entry(TWICE, (), SIGNATURE)  # the code lives as long as this
+    code = compile_entry("twice", lambda: TWICE, (), SIGNATURE)  # the code lives as long as this
     return code.entry(x)
 
 
