@@ -73,11 +73,9 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
                 separation = np.minimum(separation, _separations(answers, alike, pair, noise))
     best = int(np.argmax(np.nan_to_num(separation)))
     procedure, largest = procedures[best], float(separation[best])
-    conditions = {
-        name: value
-        for name, value in procedure.conditions.items()
-        if value != observed.problem.measurements[0].procedure.conditions.get(name)
-    }
+    # of the test that was varied: phases of what turns, say, are those of a record
+    usual = max(procedures, key=lambda one: one.conditions.get("longitudinal_velocity", 0.0)).conditions
+    conditions = {name: value for name, value in procedure.conditions.items() if value != usual.get(name)}
     # rounded up to whole tens of seconds
     seconds = float(np.clip(np.ceil(0.1 * _SECONDS * SEPARATES / max(largest, 1e-9)) * 10, _SECONDS, _LONGEST))
     largest *= seconds / _SECONDS
