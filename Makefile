@@ -10,7 +10,7 @@ RUN ?= $(shell ls -td runs/*/ 2>/dev/null | head -n 1)
 USABLE := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 
 .DELETE_ON_ERROR:
-.PHONY: help identify test lint format report bench lock clean
+.PHONY: help identify test lint format report docs bench lock clean
 
 help:
 	@echo "make identify   set up, then identify the bundled campaign (ARGS=... adds options)"
@@ -18,6 +18,7 @@ help:
 	@echo "make lint       ruff and mypy only"
 	@echo "make format     let ruff format and mend what it can"
 	@echo "make report     rebuild the report of the newest run (RUN=... names another)"
+	@echo "make docs       build the documentation into build/docs"
 	@echo "make bench      the kernel benchmark (NAME=... names another)"
 	@echo "make lock       renew the locked versions from pyproject.toml"
 	@echo "make clean      remove the environment and all caches; runs stay"
@@ -40,6 +41,10 @@ format: $(READY)
 report: $(READY)
 	@test -n "$(RUN)" || { echo "make report: no run yet; 'make identify' makes one" >&2; exit 2; }
 	$(BIN)/mofit report $(RUN)
+
+docs: $(READY)
+	$(BIN)/python -m sphinx -b html -W --keep-going -q docs build/docs
+	@echo "build/docs/index.html"
 
 bench: $(BENCH)
 	$(BIN)/mofit bench $(or $(NAME),kernel) $(ARGS)

@@ -1,6 +1,6 @@
 """The same Fisher matrix as Pyomo.DoE? Writes reports/fisher_peer/README.md.
 
-    pip install pyomo highspy
+    pip install "mofit[bench]"
     python scripts/fisher_peer.py
 
 A Maxwell branch (stiffness c, damping d) is driven by a sine displacement for 4 s and its force is sampled at 100 Hz

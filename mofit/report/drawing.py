@@ -24,7 +24,9 @@ _task: tuple[Run, Sequence[Maker]] | None = None
 
 def draw_sections(run: Run, makers: Sequence[Maker]) -> list[Section]:
     """The sections that find something to show, in order; the same for one process or two."""
-    if sys.platform == "linux" and (os.cpu_count() or 1) > 1:
+    # the process of a batch has its cores to itself and others, and may not have children
+    alone = multiprocessing.parent_process() is None
+    if alone and sys.platform == "linux" and (os.cpu_count() or 1) > 1:
         drawn = _forked(run, makers)
     else:
         drawn = [make(run) for make in makers]

@@ -11,7 +11,16 @@ import xarray as xr
 from mofit.cli import main
 
 COMMANDS = (
-    *("check", "identify", "simulate", "import", "report", "uncertainty", "compare", "design", "diagnose"),
+    "check",
+    "identify",
+    "simulate",
+    "import",
+    "report",
+    "uncertainty",
+    "compare",
+    "design",
+    "diagnose",
+    "batch",
     "bench",
 )
 

@@ -26,14 +26,14 @@ class Lag(Model):
 """
 
 
-def response(time, frequency):
+def response(time, frequency, gain=None):
     w, lag = 2 * np.pi * frequency, TRUTH["T"]
     phase = -np.arctan(w * lag)
-    amplitude = TRUTH["k"] / np.hypot(1, w * lag)
+    amplitude = (TRUTH["k"] if gain is None else gain) / np.hypot(1, w * lag)
     return amplitude * (np.sin(w * time + phase) - np.sin(phase) * np.exp(-time / lag))
 
 
-def campaign(noise=0.01, frequencies=(0.5, 1.0, 2.0), seed=0):
+def campaign(noise=0.01, frequencies=(0.5, 1.0, 2.0), seed=0, gain=None, conditions=None):
     rng = np.random.default_rng(seed)
     tests = []
     for frequency in frequencies:
@@ -47,13 +47,18 @@ def campaign(noise=0.01, frequencies=(0.5, 1.0, 2.0), seed=0):
             frequency,
             1.0,
         )
-        force = response(time, frequency) + noise * rng.normal(size=len(time))
+        force = response(time, frequency, gain) + noise * rng.normal(size=len(time))
         tests.append(Measurement(procedure, {"lateral_force": force}, {"slip_angle": "rad", "lateral_force": "N"}))
-    return Campaign("lag rig", "simulated", {}, tuple(tests))
+    return Campaign("lag rig", "simulated", conditions or {}, tuple(tests))
 
 
 def write_rig(folder: Path) -> tuple[Path, str]:
     """Campaign file and model reference in a folder."""
     write_campaign(campaign(), folder / "rig.nc")
+    return folder / "rig.nc", write_model(folder)
+
+
+def write_model(folder: Path) -> str:
+    """Model file in a folder; its reference."""
     (folder / "lag.py").write_text(MODEL)
-    return folder / "rig.nc", f"{folder / 'lag.py'}:Lag"
+    return f"{folder / 'lag.py'}:Lag"
