@@ -9,7 +9,7 @@ from typing import Any
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
-BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "pipeline")
+BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "pipeline", "withheld-effects")
 #: Those with figures, drawn by ``<name>_figures``.
 ILLUSTRATED = ("rastrigin",)
 
@@ -31,7 +31,7 @@ def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
     """
     if name not in BENCHMARKS:
         raise InputError.of(f"bench {name}", "unknown benchmark", did_you_mean(name, BENCHMARKS))
-    run = import_module(f"mofit.bench.{name}").run
+    run = import_module(f"mofit.bench.{name.replace('-', '_')}").run
     given = {option: value for option, value in options.items() if value is not None}
     known = signature(run).parameters
     raise_errors(

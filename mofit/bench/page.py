@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ def cell(value: Any) -> str:
 
 
 def write_page(name: str, result: Mapping[str, Any], folder: Path, pictures: Mapping[str, str]) -> Path:
-    """Write ``README.md`` into a folder.
+    """Write ``README.md`` into a folder; or copy the ``report`` that the settings name.
 
     Parameters
     ----------
@@ -33,6 +34,9 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path, pictures: Map
     pictures
         File name in the folder to caption.
     """
+    if "report" in result["settings"]:
+        shutil.copytree(result["settings"]["report"], folder, dirs_exist_ok=True)
+        return folder / "README.md"
     columns = headings(result["rows"])
     folder.mkdir(parents=True, exist_ok=True)
     options = "".join(f" --{key} {result['settings'][key]}" for key in ("runs", "seed") if key in result["settings"])

@@ -25,7 +25,7 @@ def bench(
     Parameters
     ----------
     name
-        kernel, rastrigin, cec2013, front or pipeline.
+        kernel, rastrigin, cec2013, front, pipeline or withheld-effects.
     runs
         Runs of each competitor; slow ones may do fewer, which the table tells.
     seed

@@ -81,7 +81,8 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     chosen, left_out = [], {}
     for name in (*(only or effect_names()), *own):
         effect = find_effect(name)
-        reason = why_not(effect, model)
+        present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
+        reason = "the model has it already" if present else why_not(effect, model)
         if reason is None and (faults := lacking(with_effects(model, effect), campaign)):
             reason = f"{faults[0].where}: {faults[0].what}"
         if reason is not None and name in names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
 from mofit.diagnosis.observed import Observed, with_discrepancy
+from mofit.diagnosis.remaining import remaining
 from mofit.diagnosis.several import Attribution, attribute
 from mofit.diagnosis.shrink import Shrinkage, shrink
 from mofit.diagnosis.thresholds import Thresholds
@@ -110,9 +111,11 @@ def diagnose(
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
     case = _investigate(observed, start, chosen, settings, thresholds, progress)
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
-        rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
-        here = case.found.baseline.minimum.point
-        again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
+        again = case.singly(thresholds.roughly)
+        if not again.leads(thresholds.coarse_lead):
+            rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
+            here = case.found.baseline.minimum.point
+            again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
         case = again if again.leads(thresholds.coarse_lead) else case
     found, conclusion = case.found, case.conclusion
     reason = _why_not(conclusion, found, thresholds)
@@ -150,6 +153,14 @@ class _Case:
         """Largest gap of a test relative to its output's peak."""
         where = self.before
         return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
+
+    def singly(self, thresholds: Thresholds) -> _Case:
+        """The same with explanations of one effect alone."""
+        single = tuple(explanation for explanation in self.found.explanations if len(explanation.effects) < 2)
+        found = replace(self.found, explanations=single, best_left=remaining(single[0].fitted))
+        after = locate(single[0].fitted)
+        conclusion = conclude(found, self.before, after, thresholds)
+        return replace(self, found=found, after=after, conclusion=conclusion)
 
     def leads(self, factor: float) -> bool:
         """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""

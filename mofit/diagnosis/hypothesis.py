@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 _STEP_ERROR = 0.05
 #: Fewest and most Runge-Kutta steps per sampling interval.
 _FEWEST_STEPS, _MOST_STEPS = 1, 32
+#: Most numbers in the Jacobians that are computed at once: 80 MB.
+_NUMBERS = 10**7
 #: Where an unstable integration has gone: no output or derivative is as large.
 RUNAWAY = 1e100
 
@@ -120,7 +122,13 @@ class Hypothesis:
 
     def evaluate(self, u: Array) -> tuple[Array, Array, Array]:
         """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss-Newton Hessian (K, d, d)."""
-        found = self.linear(u)
+        # a few points at a time: rows of long tests fill the memory
+        size = max(_NUMBERS // (len(self.observed.measured) * (len(self.space) + 1)), 1)
+        parts = [self._normal(self.linear(u[start : start + size])) for start in range(0, len(u), size)]
+        value, gradient, hessian = (np.concatenate(found) for found in zip(*parts, strict=True))
+        return value, gradient, hessian
+
+    def _normal(self, found: Linear) -> tuple[Array, Array, Array]:
         residual, jacobian = found.residual, found.jacobian
         value = 0.5 * np.einsum("km,km->k", residual, residual)
         turned = jacobian.transpose(0, 2, 1)

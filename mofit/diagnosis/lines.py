@@ -12,12 +12,15 @@ from mofit.diagnosis.whitening import Whitening
 
 Array = NDArray[np.float64]
 
-CLASSES = ("dc", "odd", "even", "rotating", "slow", "excited", "other")
-"""Zero frequency; odd and even harmonics of the excitation; wheel and drum order with their sidebands; drift and slow
-modulation of the excitation; lines that a signal without period excites; all the rest."""
+CLASSES = ("dc", "odd", "even", "subharmonic", "rotating", "slow", "steady", "excited", "other")
+"""Zero frequency; odd and even harmonics of the excitation, and odd ones of half its frequency; wheel and drum order
+with their sidebands; drift and slow modulation of the excitation; lines of one frequency in all tests that stand out of
+the noise (`mofit.diagnosis.steady`); lines that a signal without period excites; all the rest."""
 
 #: Harmonics that are told apart; higher ones count as other lines.
 HARMONICS = 10
+#: Odd multiples of half the excitation's frequency that are told apart.
+SUBHARMONICS = 3
 #: Lines on each side of an order that its leakage reaches.
 _NEAR = 1.5
 #: Lines on each side of the excitation that a slow modulation reaches.
@@ -69,6 +72,10 @@ def classify(whitening: Whitening, turning: Mapping[str, float], driver: Array) 
             mark("rotating", np.abs(number - (frequency + sideband * base) / spacing) < _NEAR)
     if m:
         mark("slow", (number < m / 2) | ((np.abs(number - m) <= _SKIRT) & (np.abs(number - m) < m / 2)))
+        half = 2 * number / m
+        # of an odd number of periods the two lines beside
+        nearest = np.abs(half - (2 * np.round((half - 1) / 2) + 1)) < 1.5 / m
+        mark("subharmonic", nearest & (half < 2 * SUBHARMONICS) & (m > 2))
         harmonic, rest = np.divmod(number, m)
         told = (rest == 0) & (harmonic <= HARMONICS)
         mark("odd", told & (harmonic % 2 == 1))

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
 from mofit.diagnosis.lines import CLASSES, classify, orders
+from mofit.diagnosis.steady import steady_lines
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.diagnosis.workshop import Workshop
 from mofit.drives import first_input
 from mofit.problem import Problem
 
 Array = NDArray[np.float64]
+
+OTHER = CLASSES.index("other")
 
 
 @dataclass(frozen=True)
@@ -103,8 +106,7 @@ def with_discrepancy(observed: Observed, relative: float) -> Observed:
         size = relative * float(np.ptp(values[w.start : w.start + w.count]))
         likely = np.zeros(len(w.frequencies), dtype=bool)
         likely[observed.line[here & observed.of("dc", "odd", "even", "slow", "excited")]] = True
-        higher = np.arange(len(likely)) % w.periods == 0 if w.periods else np.zeros_like(likely)
-        parts.append((test, output, w.with_discrepancy(size**2, likely, higher)))
+        parts.append((test, output, w.with_discrepancy(size**2, likely, w.harmonic)))
         measured.append(parts[-1][2].rows(values[:, None])[:, 0])
     return replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
 
@@ -112,7 +114,7 @@ def with_discrepancy(observed: Observed, relative: float) -> Observed:
 def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None) -> Observed:
     """Find the noise of every record and the class of every line."""
     driver = first_input(problem.model)
-    parts, measured, part, line, kind, phase = [], [], [], [], [], []
+    parts, measured, noise, part, line, kind, phase = [], [], [], [], [], [], []
     for test, (measurement, record, drive) in enumerate(
         zip(problem.measurements, problem.records, problem.drives, strict=True)
     ):
@@ -125,16 +127,21 @@ def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop
             lines = w.line_of_row
             parts.append((test, output, w))
             measured.append(w.rows(values[:, None])[:, 0])
+            noise.append(w.noise_rows(values[:, None])[:, 0])
             part.append(np.full(len(lines), len(parts) - 1))
             line.append(lines)
-            kind.append(classify(w, turning, excitation)[lines])
+            kind.append(classify(w, turning, excitation))
+    records = [w for _, _, w in parts]
+    free = [(own == OTHER) & ~w.harmonic for own, w in zip(kind, records, strict=True)]
+    for own, steady in zip(kind, steady_lines(records, noise, free), strict=True):
+        own[steady] = CLASSES.index("steady")
     return Observed(
         problem,
         tuple(parts),
         np.concatenate(measured),
         np.concatenate(part),
         np.concatenate(line),
-        np.concatenate(kind),
+        np.concatenate([own[lines] for own, lines in zip(kind, line, strict=True)]),
         np.array(phase),
         tuple(calibrations),
         workshop or Workshop(),

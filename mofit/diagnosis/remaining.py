@@ -34,12 +34,15 @@ class Clue:
         Sum of white squares and its expectation without a gap.
     p
         Chance of such a sum without a gap, the noise being estimated.
+    squares
+        Mean square per test of what the lines looked at hold beyond the noise, in the output's unit²; (tests,).
     """
 
     name: str
     statistic: float
     freedom: float
     p: float
+    squares: Array
 
 
 @dataclass(frozen=True)
@@ -52,13 +55,18 @@ class Remaining:
         All tests, the most significant first.
     p
         Chance of the most significant one, corrected for their number (Bonferroni).
-    power
-        White squares on the lines that may hold a gap, beyond their expectation; not below 0.
     """
 
     clues: tuple[Clue, ...]
     p: float
-    power: float
+
+    def squares(self, chance: float) -> Array:
+        """Mean square per test (tests,) of the largest gap that is significant; zeros if none is.
+
+        A sum over all lines would drown a gap that lies where there is little noise in that of the others.
+        """
+        loud = [clue.squares for clue in self.clues if clue.p * len(self.clues) < chance]
+        return max(loud, key=np.sum, default=np.zeros_like(self.clues[0].squares) if self.clues else np.zeros(1))
 
 
 def remaining(fitted: Fitted) -> Remaining:
@@ -75,20 +83,20 @@ def remaining(fitted: Fitted) -> Remaining:
     clues += [peak_clue(name, residual, observed, observed.of(name)) for name in ("rotating", "slow", "other")
               if observed.of(name).any()]  # fmt: skip
     clues = sorted((clue for clue in clues if np.isfinite(clue.p)), key=lambda clue: clue.p)
-    likely = observed.repeating
-    return Remaining(
-        tuple(clues),
-        min(1.0, clues[0].p * len(clues)) if clues else 1.0,
-        max(float(np.sum(residual[likely] ** 2) - expected[likely].sum()), 0.0),
-    )
+    return Remaining(tuple(clues), min(1.0, clues[0].p * len(clues)) if clues else 1.0)
 
 
 def power_clue(name: str, residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Clue:
     """F test of the power of some rows."""
     total, count = float(np.sum(residual[where] ** 2)), float(expected[where].sum())
-    if count < 0.5:
-        return Clue(name, total, count, np.nan)
-    return Clue(name, total, count, float(fisher.sf(total / count, count, _behind(observed, where * expected))))
+    p = float(fisher.sf(total / count, count, _behind(observed, where * expected))) if count >= 0.5 else np.nan
+    return Clue(name, total, count, p, _squares(residual, expected, observed, where))
+
+
+def _squares(residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Array:
+    """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²."""
+    power = where * (residual**2 - expected) * observed.variance
+    return np.asarray(np.bincount(observed.test, power, len(observed.problem.tests)), dtype=np.float64)
 
 
 def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
@@ -105,6 +113,8 @@ def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
         return
     z = np.log(frequency) - np.log(frequency).mean()
     covariates = np.stack([(z / np.abs(z).max()) ** j for j in range(min(_DEGREE, levels - 1) + 1)], axis=1)
+    rows = len(observed.measured)
+    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
     for harmonic in range(_SMOOTH_HARMONICS + 1):
         columns = np.zeros((len(observed.measured), 2, covariates.shape[1]))
         for i, weights in zip(places, covariates, strict=True):
@@ -118,7 +128,13 @@ def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
         count = kept.shape[1]
         statistic = float(np.sum((kept.T @ projection.residual) ** 2))
         behind = _behind(observed, np.sum(flat**2, axis=1))
-        yield Clue(f"harmonic {harmonic}", statistic, count, float(fisher.sf(statistic / count, count, behind)))
+        yield Clue(
+            f"harmonic {harmonic}",
+            statistic,
+            count,
+            float(fisher.sf(statistic / count, count, behind)),
+            _squares(residual, expected, observed, np.any(flat != 0, axis=1)),
+        )
 
 
 def _harmonic_rows(observed: Observed, place: int, harmonic: int, part: int) -> tuple[NDArray[np.intp], Array]:
@@ -148,6 +164,7 @@ def peak_clue(name: str, residual: Array, observed: Observed, where: NDArray[np.
         float(power[best]),
         float(parts[best]),
         float(-np.expm1(len(lines) * np.log1p(-p[best]))),
+        _squares(residual, np.ones(len(residual)), observed, key == lines[best]),
     )
 
 

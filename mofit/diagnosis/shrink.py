@@ -92,7 +92,8 @@ def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Sh
     low, confirmed, high = _interval(best.fitted, with_ - full + rest, without - with_, weight, seed)
     chosen = [next(c for c in candidates if c.name == name) for name in best.effects]
     places = [next(one.best for one in found.screened if one.name == name) for name in best.effects]
-    predicted = _predicted(found.baseline, [c.slopes[i] for c, i in zip(chosen, places, strict=True)], weight)
+    added = [c.slopes[i] for c, i in zip(chosen, places, strict=True)]
+    predicted = _predicted(found.baseline, added, weight, found.best_left.p < _LOUD)
     return Shrinkage(predicted, confirmed, low, high, min(measured, 1.0), tuple(_predictions(observed, *folds)))
 
 
@@ -156,8 +157,12 @@ def _interval(fitted: Fitted, error: Array, gain: Array, weight: Array, seed: in
     return [float(value) for value in np.quantile(shares, (0.05, 0.5, 0.95))]
 
 
-def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array) -> float:
-    """The share that the linearised models remove on each test when fitted to the others."""
+def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array, remainder: bool) -> float:
+    """The share that the linearised models remove on each test when fitted to the others.
+
+    What they leave counts only if the explanation is known to leave a ``remainder``: a strong effect bends its own
+    direction, and the linear rest of that is none.
+    """
     observed, free = baseline.hypothesis.observed, baseline.free
     rows = len(observed.measured)
     model = -baseline.jacobian[:, free]
@@ -174,7 +179,7 @@ def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array) -> float
         uncertain += float(here @ np.einsum("ri,ij,rj->r", both[held], spread, both[held]))
     # what is left beyond noise and uncertainty, if that is no chance
     left = float(weight @ (rest**2 - 1)) - uncertain
-    uncertain += left if left > _CLEAR * float(np.sqrt(2 * weight @ weight)) else 0.0
+    uncertain += left if remainder and left > _CLEAR * float(np.sqrt(2 * weight @ weight)) else 0.0
     return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
 
 

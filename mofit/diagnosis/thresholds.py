@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Defaults hold for all campaigns; `scripts/diagnosis_levels.py` measures what false alarms they make.
+    """Defaults hold for all campaigns; the benchmark withheld-effects measures what false alarms they make.
 
     Parameters
     ----------
@@ -19,6 +19,8 @@ class Thresholds:
         Chance below which the best explanation leaves a gap.
     left_share
         Share of the gap's squares that must be left, and
+    left_share_of_most
+        (where as many effects as are tried at once were needed: what they bend to follow is not explained yet), and
     left_of_peak
         share of the output's peak that its root mean square must reach, before "unknown" is said: with enough real
         data everything is significant.
@@ -50,6 +52,7 @@ class Thresholds:
     more: float = 3e-3
     left: float = 1e-3
     left_share: float = 0.02
+    left_share_of_most: float = 0.002
     left_of_peak: float = 2e-4
     coarse: float = 0.02
     resolution: float = 0.1
@@ -66,4 +69,4 @@ class Thresholds:
     @property
     def roughly(self) -> Thresholds:
         """For a coarse gap: one effect, and a remainder let pass."""
-        return replace(self, most_effects=1, left_share=self.coarse_share)
+        return replace(self, most_effects=1, left_share=self.coarse_share, left_share_of_most=self.coarse_share)

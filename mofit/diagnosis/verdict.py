@@ -86,12 +86,15 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
         for explanation in found.explanations
         if explanation.effects and explanation.criterion < best.criterion + thresholds.alike
     )
-    total, still = sum(before.squares.values()), sum(after.squares.values())
+    first, last = found.left.squares(thresholds.left), found.best_left.squares(thresholds.left)
+    total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())
     share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0
-    of_peak = max(np.sqrt(max(square, 0.0)) / after.peaks[name] for name, square in after.squares.items())
+    peaks = np.array(list(after.peaks.values()))
+    of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
-    beyond_noise = found.best_left.p < thresholds.left and of_peak > thresholds.left_of_peak
-    left = beyond_noise and share > thresholds.left_share
+    beyond_noise = found.best_left.p < thresholds.left and of_peak.max() > thresholds.left_of_peak
+    many = len(best.effects) == thresholds.most_effects
+    left = beyond_noise and share > (thresholds.left_share_of_most if many else thresholds.left_share)
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)

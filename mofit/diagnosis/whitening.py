@@ -64,6 +64,12 @@ class Whitening:
         """Of the lines, Hz, shape (n // 2 + 1,)."""
         return np.arange(self.count // 2 + 1) / (self.count * self.step)
 
+    @property
+    def harmonic(self) -> NDArray[np.bool_]:
+        """Which lines are harmonics of the test's period, zero included, shape (n // 2 + 1,); none without a period."""
+        number = np.arange(self.count // 2 + 1)
+        return np.asarray(number % self.periods == 0) if self.periods else np.zeros(len(number), dtype=bool)
+
     @cached_property
     def _scale(self) -> Array:
         weight = np.full(self.count // 2 + 1, 2.0)
@@ -96,13 +102,25 @@ class Whitening:
         lines = fft.rfft(scaled, axis=-1) * self._scale
         return np.moveaxis(np.concatenate([lines.real, lines.imag], axis=-1)[..., self._rows], -1, -2)
 
-    def signal(self, rows: Array) -> Array:
-        """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
+    def white_lines(self, rows: Array) -> NDArray[np.complex128]:
+        """Rows of one signal (rows,) as complex lines (n // 2 + 1,)."""
         lines = self.count // 2 + 1
         parts = np.zeros(2 * lines)
         parts[self._rows] = rows
-        spectrum = (parts[:lines] + 1j * parts[lines:]) / self._scale
-        return np.asarray(fft.irfft(spectrum, self.count) * self.process.level)
+        return np.asarray(parts[:lines] + 1j * parts[lines:])
+
+    def noise_rows(self, columns: Array) -> Array:
+        """Rows of what does not repeat in signals (samples, k), leakage of a period between samples included."""
+        noise = np.array(columns)
+        time = self.step * np.arange(self.count, dtype=np.float64)
+        for k in range(noise.shape[1] if self.periods else 0):
+            used = noise[self.start : self.start + self.count, k]
+            used -= periodic_fit(time, used, self.period)[0]
+        return self.rows(noise)
+
+    def signal(self, rows: Array) -> Array:
+        """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
+        return np.asarray(fft.irfft(self.white_lines(rows) / self._scale, self.count) * self.process.level)
 
 
 def whitening(measured: Array, used: NDArray[np.bool_], step: float, record: Record, noise_sd: float) -> Whitening:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from respond import Case
 from rig_tests import RigTest, programme
 from specimen import NOISES, draw_specimen
-from strength import Ground, ground, shrinkage, sized
+from strength import Ground, ground, largest, shrinkage, sized
 
 #: every second campaign draws the strength, the others the size as a multiple of the typical one, both on a log scale
 RANGE, MULTIPLES = (8.0, 2000.0), (0.3, 2.0)
@@ -122,7 +122,7 @@ def _single(place: Ground, slot: Slot, rng: np.random.Generator) -> tuple[Drawn,
     drawn = draw_cause(BY_NAME[slot.cause], rng)
     stranger = slot.case == "unknown"
     if not stranger and (slot.number // len(NOISES)) % 2:
-        return drawn, min(_log_uniform(rng, MULTIPLES), drawn.cause.most)
+        return drawn, min(_log_uniform(rng, MULTIPLES), largest(place, drawn))
     return drawn, sized(place, drawn, _log_uniform(rng, CLEAR if stranger else RANGE), beyond=stranger)
 
 

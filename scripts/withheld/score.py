@@ -1,7 +1,7 @@
 """Open the labels, last of all, and count how the diagnosis did.
 
     python scripts/withheld/score.py DIR/labels.sealed DIR/results [--next DIR/next-results] [--without DIR/without]
-                                     --out REPORT
+                                     [--made-by TEXT] --out REPORT
 
 Each folder of results has one <name>.json per campaign, as `mofit diagnose --json` prints. Beside it may lie a
 <name>.npz with arrays `<test>/start`, `<test>/before`, `<test>/after`: the first sample, and the force in N that the
@@ -36,6 +36,7 @@ def main() -> None:
     parser.add_argument("--next", type=Path, help="results with the advised test added")
     parser.add_argument("--without", type=Path, help="results with the true effect taken from the candidates")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--made-by", default="", help="command and versions, for the page")
     options = parser.parse_args()
     labels = unseal(options.labels)
     main_run = joined(labels, options.results)
@@ -46,7 +47,7 @@ def main() -> None:
     found["not_diagnosed"] = len(labels) - len(main_run)
     options.out.mkdir(parents=True, exist_ok=True)
     down, across, counts = confusion(main_run)
-    (options.out / "README.md").write_text(page(found, down, across, counts), encoding="utf-8")
+    (options.out / "README.md").write_text(page(found, down, across, counts, options.made_by), encoding="utf-8")
     (options.out / "figures.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     rows = [row(p) for p in main_run]
     (options.out / "rows.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

@@ -122,14 +122,27 @@ def _settings(cause: Cause) -> list[tuple[int, tuple[str, ...], dict[str, float]
 def sized(place: Ground, drawn: Drawn, target: float, *beside: Array, beyond: bool = False) -> float:
     """Multiple of the typical size at which what is left beside the parameters and further columns is as asked.
 
-    With ``beyond``, what the whole library leaves. The nearest that the cause's limits allow.
+    With ``beyond``, what the whole library leaves. The nearest that the cause's limits allow, and that the carcass
+    stands: a strong softening has no force to hold against the contact patch.
     """
-    multiples = np.geomspace(drawn.cause.least, drawn.cause.most, 6)
-    kinds = dict.fromkeys(drawn.at(1.0), drawn.place)
-    gaps = place.gaps([drawn.at(m) for m in multiples], kinds)
+    multiples, gaps = _standing(place, drawn)
     reached = [place.beyond(gap) if beyond else place.left(gap, *beside) for gap in gaps.T]
     level = np.maximum.accumulate(np.log(np.maximum(reached, 1e-12)))
     return float(np.exp(np.interp(np.log(target), level, np.log(multiples))))
+
+
+def largest(place: Ground, drawn: Drawn) -> float:
+    """Multiple of the typical size that the cause's limits and the carcass allow."""
+    return float(_standing(place, drawn)[0][-1])
+
+
+def _standing(place: Ground, drawn: Drawn) -> tuple[Array, Array]:
+    """Multiples of the typical size up to the largest, and the gaps (m, multiples) that they make."""
+    multiples = np.geomspace(drawn.cause.least, drawn.cause.most, 6)
+    with np.errstate(over="ignore", invalid="ignore"):
+        gaps = place.gaps([drawn.at(m) for m in multiples], dict.fromkeys(drawn.at(1.0), drawn.place))
+    stands = np.cumprod(np.isfinite(gaps).all(axis=0)).astype(bool)
+    return multiples[stands], gaps[:, stands]
 
 
 def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:

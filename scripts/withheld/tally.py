@@ -14,6 +14,8 @@ from scipy.stats import beta
 STRONG, WEAK = 50.0, 16.0
 #: what the whole library leaves of a stranger, and the best other effect of a removed one, from which it must be missed
 CLEAR, SEPARABLE = 50.0, 100.0
+#: what the best other effect leaves of one from which these tests can surely tell it from all others
+TOLD_APART = 40.0
 
 CASES = ("none", "effect", "kin", "unknown", "pair")
 #: verdicts beside a single name
@@ -101,7 +103,7 @@ def figures(
     strong = [p for p in effects if p.strength >= STRONG]
     weaker = [p for p in effects if WEAK <= p.strength < STRONG]
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
-    missed = [p for p in without if p.strength >= STRONG and _next_best(p) >= SEPARABLE]
+    missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
@@ -114,6 +116,7 @@ def figures(
             },
         },
         "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
+        "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.strength < WEAK]),
         "kin": _naming([p for p in by_case["kin"] if p.strength >= STRONG]),
@@ -183,6 +186,11 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
         "said_none": share(p.verdict == "none" for p in found),
         "said_unknown": share(p.verdict == "unknown" for p in found),
     }
+
+
+def removable(p: Pairing) -> bool:
+    """Whether a strong effect must be missed where it is no candidate: no other one can stand in for it."""
+    return p.strength >= STRONG and _next_best(p) >= SEPARABLE
 
 
 def _next_best(p: Pairing) -> float:

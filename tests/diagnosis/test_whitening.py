@@ -67,10 +67,12 @@ def test_batches_are_the_rows_one_by_one(rng: np.random.Generator) -> None:
 def test_lines_know_their_class(rng: np.random.Generator) -> None:
     w = white_of(signal() + noise_of("white", rng))
     kinds = classify(w, {"wheel": 8.7}, signal())
-    named = {f: CLASSES[kinds[np.argmin(np.abs(w.frequencies - f))]] for f in (0, 0.5, 2, 4, 6, 8.7, 6.7, 7.3, 22)}
+    named = {
+        f: CLASSES[kinds[np.argmin(np.abs(w.frequencies - f))]] for f in (0, 0.5, 1, 2, 3, 4, 6, 8.7, 6.7, 7.3, 22)
+    }
     assert named == {
-        0: "dc", 0.5: "slow", 2: "odd", 4: "even", 6: "odd", 8.7: "rotating", 6.7: "rotating", 7.3: "other",
-        22: "other",
+        0: "dc", 0.5: "slow", 1: "subharmonic", 2: "odd", 3: "subharmonic", 4: "even", 6: "odd", 8.7: "rotating",
+        6.7: "rotating", 7.3: "other", 22: "other",
     }  # fmt: skip
 
 

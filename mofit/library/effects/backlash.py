@@ -43,7 +43,9 @@ class Backlash(Effect):
         """Input behind the play."""
         position, free = s.play_position, s.play_free
         # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
-        arrives = ca.if_else(position < value, ca.fmax(value - s.b_0, position), ca.fmin(value + s.b_0, position))
+        # where the input rests without play, it was reached from zero
+        rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
+        arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
         rate, free_rate = (arrives - position) / FOLLOWING, (value - free) / FOLLOWING
         return Applied(
             arrives,

@@ -22,14 +22,17 @@ class LoadCoupling(Effect):
 
     name = "load_coupling"
     title = "lateral force on the load"
-    on = ("slip_stiffness",)
-    needs = ("elastic_force", "lateral_slip", "transport_velocity", "d_y")
+    # the force itself of a settled tyre
+    on = ("slip_stiffness", "steady_state_force")
+    needs = ("lateral_slip", "transport_velocity")
     # half a per cent per kilonewton
     parameters = (
         Parameter("kappa_z", "1/N", -1e-4, 1e-4, 5e-6, description="relative change of load per force", neutral=0.0),
     )
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
-        """Slope of the contact patch under the true load."""
+        """Slope of the contact patch, or its force, under the true load."""
+        if "d_y" not in s:
+            return Applied(value * (1 + s.kappa_z * value))
         force = contact_force(s, value, s.quantities["lateral_slip"], s.quantities["transport_velocity"])
         return Applied(value * (1 + s.kappa_z * force))

@@ -17,8 +17,10 @@ _NAMES = {
     "dc": "constant",
     "odd": "odd\nharmonics",
     "even": "even\nharmonics",
+    "subharmonic": "half\nharmonics",
     "rotating": "wheel and\ndrum order",
     "slow": "slow",
+    "steady": "steady\nlines",
     "excited": "excited",
     "other": "other",
 }

@@ -1,0 +1,75 @@
+"""Lines of one frequency in all tests, whatever excites them: a hum, a gear, a fan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as fisher
+
+from mofit.diagnosis.whitening import Whitening
+
+Array = NDArray[np.float64]
+
+#: Chance below which a frequency counts as a line, corrected for the number of frequencies looked at.
+_CHANCE = 1e-4
+#: Most frequencies that are looked for.
+_MOST = 6
+#: Lines on each side that the leakage of a frequency reaches.
+_NEAR = 1.5
+
+
+def steady_lines(
+    records: Sequence[Whitening], rows: Sequence[Array], free: Sequence[NDArray[np.bool_]]
+) -> list[NDArray[np.bool_]]:
+    r"""Which lines of each record belong to a frequency that stands out of the noise in all records together.
+
+    At every frequency the white power of the records that repeat is summed, :math:`\sum_t P_t(f) \sim \chi^2_{2 T}`
+    without a line; the noise being estimated, F. The spectra are interpolated (zero-padding), so that a frequency
+    between two lines is seen as well.
+
+    Parameters
+    ----------
+    records
+        Of all tests.
+    rows
+        White rows of what does not repeat, per record.
+    free
+        Lines of each record that hold nothing but noise if there is no such frequency, (lines,).
+
+    Returns
+    -------
+    list
+        Per record, a subset of ``free``.
+    """
+    found = [np.zeros_like(part) for part in free]
+    places = [i for i, w in enumerate(records) if w.periods]
+    if not places:
+        return found
+    highest = min(records[i].frequencies[-1] for i in places)
+    longest = max(records[i].count * records[i].step for i in places)
+    grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
+    freedom = np.array([float(np.median(records[i].process.freedom)) for i in places])
+    behind = len(places) ** 2 / float(np.sum(1 / freedom))
+    for _ in range(_MOST):
+        power: Array = np.zeros(len(grid))
+        for i in places:
+            power += _power_at(records[i], rows[i], free[i] & ~found[i], grid)
+        best = int(np.argmax(power))
+        single = float(fisher.sf(power[best] / (2 * len(places)), 2 * len(places), behind))
+        if single * len(grid) > _CHANCE:
+            break
+        for i in places:
+            w = records[i]
+            near = np.abs(np.arange(len(found[i])) - grid[best] * w.count * w.step) < _NEAR
+            found[i] |= near & free[i]
+    return found
+
+
+def _power_at(w: Whitening, rows: Array, kept: NDArray[np.bool_], grid: Array) -> Array:
+    """White power of some lines at frequencies, twice the number of lines apart: 2 on average without a signal."""
+    signal = np.fft.irfft(np.where(kept, w.white_lines(rows), 0.0), w.count)
+    fine = np.fft.rfft(signal, 2 * w.count)
+    place = np.round(grid * 2 * w.count * w.step).astype(np.int64)
+    return np.asarray(np.abs(fine[np.minimum(place, len(fine) - 1)]) ** 2)

@@ -1,0 +1,183 @@
+"""Diagnose measured data sets in ../shared/data with models that lack something; writes reports/diagnosis_measured/.
+
+    python scripts/diagnose_measured.py [--data FOLDER] [--only NAME] [--seed 0]
+
+Damper: six sine tests of a magneto-rheological damper per coil current, spring and damper in parallel. EMPS: position
+in, motor force out; inertia, viscous friction and an offset. Silverbox: a linear oscillator on the ten multisines, then
+the arrow, which no fit has seen, by pure simulation.
+Table 4: the estimates per frequency that Hackl et al. 2016 print, no raw data: do they agree with one another?
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from mofit.diagnosis.diagnose import Diagnosis, diagnose
+from mofit.library import find_effect, find_model
+from mofit.model import with_effects
+from mofit.problem import build_problem
+from mofit.readers import import_files
+from mofit.result.agreement import cochran
+from mofit.settings import Settings
+from report_header import header, versions
+
+ROOT = Path(__file__).resolve().parents[1]
+#: SOURCE.txt of the EMPS data: mass [kg], viscous friction [N s/m], dry friction [N], offset [N]
+EMPS = {"m_b": 95.0, "d": 201.6, "F_d": 20.6, "F_0": -3.24}
+#: Hackl et al. 2016, Table 4, as printed: frequency [Hz] -> d_y [N s/m], c_M [N/m], d_M [N s/m] of three minima
+TABLE_4 = {
+    0.25: ((218, 27057, 7194), (278, 14671, 11731), (225, 21154, 10659)),
+    0.5: ((511, 20724, 9112), (230, 23894, 9457), (558, 26750, 6941)),
+    1.0: ((333, 18740, 12367), (267, 19436, 11170), (310, 26151, 8023)),
+    1.5: ((287, 19165, 10764), (484, 19771, 5666), (520, 14933, 6092)),
+    2.0: ((260, 21560, 8484), (331, 20321, 8208), (579, 15564, 5519)),
+    2.5: ((223, 20345, 4798), (244, 21075, 5905), (294, 17123, 7026)),
+    3.0: ((133, 19879, 4490), (122, 20193, 5331), (181, 19689, 5263)),
+    3.5: ((111, 17323, 6645), (227, 20206, 9690), (242, 20656, 6130)),
+    4.0: ((143, 18373, 4539), (181, 18077, 4557), (85, 22752, 7382)),
+}
+
+
+def told(found: Diagnosis) -> list[str]:
+    """What a diagnosis said, as Markdown."""
+    lines = [f"**{found.conclusion.sentence}** (verdict: {found.conclusion.verdict}; {found.seconds:.0f} s)", ""]
+    lines += ["| effect | probability | size | 90 % interval | parameters |", "|---|---|---|---|---|"]
+    for effect in found.conclusion.effects:
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.values.items())
+        interval = f"{effect.size_low:.4g} to {effect.size_high:.4g}"
+        lines.append(
+            f"| {effect.title} | {effect.probability:.3f} | {effect.size:.4g} {effect.unit} | {interval} | {values} |"
+        )
+    lines += ["", "| test | NRMSD before % | after % | noise floor % |", "|---|---|---|---|"]
+    for test, before in found.nrmsd_before.items():
+        after, floor = found.nrmsd_after[test], found.noise_floor[test]
+        lines.append(f"| {test} | {100 * before:.2f} | {100 * after:.2f} | {100 * floor:.2f} |")
+    shrinkage = found.shrinkage
+    lines.append("")
+    if shrinkage is None:
+        lines.append(f"Shrinkage on tests left out: not said, {found.shrinkage_reason}.")
+    else:
+        lines.append(
+            f"Share of the gap that is gone on tests left out in turn: {shrinkage.confirmed:.3f} "
+            f"({shrinkage.low:.3f} to {shrinkage.high:.3f}); predicted {shrinkage.predicted:.3f}; "
+            f"on the raw data {shrinkage.measured:.3f}."
+        )
+    return [*lines, ""]
+
+
+def damper(data: Path, seed: int) -> list[str]:
+    """Spring and damper in parallel on both coil currents."""
+    lines = []
+    for key, current in (("0A", "0 A"), ("0x5A", "0.5 A")):
+        campaign = import_files([data / "mr_damper_sine"], ROOT / "data" / "maps" / f"mr_damper_{key}.toml")
+        found = diagnose(campaign, find_model("kelvin_voigt_damper"), (), Settings(seed=seed, jobs=1))
+        lines += [f"## Magneto-rheological damper, {current}", "", *told(found)]
+    return lines
+
+
+def emps(data: Path, seed: int) -> list[str]:
+    """Inertia, viscous friction and offset of a positioning system."""
+    campaign = import_files([data / "emps"], ROOT / "data" / "maps" / "emps.toml")
+    model = with_effects(find_model("kelvin_voigt_damper"), find_effect("inertia"))
+    settings = Settings(seed=seed, jobs=1, fixed={"c": 0.0, "p": 0.0}, bounds={"m_b": (0.0, 300.0)})
+    found = diagnose(campaign, model, (), settings, tests=("trajectory",))
+    lines = ["## Electro-mechanical positioning system", "", *told(found)]
+    # what is named becomes part of the model, and the next look is finer
+    named = with_effects(model, *(effect for effect in found.attribution.best.fitted.hypothesis.effects))
+    again = diagnose(campaign, named, (), settings, tests=("trajectory",))
+    lines += ["With what was named as part of the model:", "", *told(again)]
+    lines += ["| parameter | without | with the named effect | with all | SOURCE.txt |", "|---|---|---|---|---|"]
+    columns = (found.attribution.baseline, found.attribution.best.fitted, again.attribution.best.fitted)
+    for name, known in EMPS.items():
+        cells = [_beside(fitted.values, name, known) for fitted in columns]
+        lines.append(f"| {name} | {' | '.join(cells)} | {known:g} |")
+    return [*lines, ""]
+
+
+def _beside(values: Mapping[str, float], name: str, known: float) -> str:
+    """A value and how far it is from the known one."""
+    if name not in values:
+        return ""
+    return f"{values[name]:.4g} ({100 * (values[name] / known - 1):+.1f} %)"
+
+
+def silverbox(data: Path, seed: int) -> list[str]:
+    """A linear oscillator on the multisines, judged on the arrow."""
+    campaign = import_files([data / "silverbox"], ROOT / "data" / "maps" / "silverbox.toml")
+    multisines = tuple(m.name for m in campaign.measurements if m.name.startswith("multisine"))
+    linear = find_model("oscillator")
+    found = diagnose(campaign, linear, (), Settings(seed=seed, jobs=1), tests=multisines)
+    lines = ["## Silverbox", "", *told(found), "| model | error on the arrow, mV rms |", "|---|---|"]
+    for fitted in (found.attribution.baseline, found.attribution.best.fitted):
+        effects = fitted.hypothesis.effects
+        problem = build_problem(with_effects(linear, *effects), campaign.select(["arrow"]))
+        point = problem.space.to_unit([fitted.values[name] for name in problem.space.names])
+        error = 1e3 * (problem.simulate(point[None])[0][0, :, 0] - problem.measurements[0].channel("displacement"))
+        rms = np.sqrt(np.mean(error[problem.drives[0].weights[:, 0] > 0] ** 2))
+        lines.append(f"| {' with '.join(['linear', *(effect.title for effect in effects)])} | {rms:.2f} |")
+    return [*lines, ""]
+
+
+def table_4(data: Path, seed: int) -> list[str]:
+    """Cochran's test of the printed estimates, the scatter of the three minima of a frequency being their spread."""
+    lines = [
+        "## Table 4 of Hackl et al. 2016",
+        "",
+        "27 rows as printed, three local minima for each of nine frequencies. Spread: standard deviation of a "
+        "frequency's three minima, pooled over the frequencies, of the mean of three. If the model were right, the "
+        "means of the nine frequencies would agree; p by F, as the spread is estimated (one-way analysis of variance).",
+        "",
+        "| parameter | mean | 0.25 Hz | 4 Hz | Cochran's Q (8 degrees of freedom) | p | I² | trend per octave |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    values = np.array(list(TABLE_4.values()), dtype=np.float64)
+    octaves = np.log2(list(TABLE_4))
+    means = values.mean(axis=1)
+    sds = np.sqrt(values.var(axis=1, ddof=1).mean(axis=0) / values.shape[1])
+    for k, (name, unit) in enumerate((("d_y", "N s/m"), ("c_M", "N/m"), ("d_M", "N s/m"))):
+        mean, _, q, _, i_squared = cochran(means[:, k], np.full(len(means), sds[k]))
+        between, within = len(means) - 1, values[..., k].size - len(means)
+        p = float(fisher.sf(q / between, between, within))
+        slope = np.polyfit(octaves, means[:, k], 1)[0]
+        error = sds[k] / np.sqrt(np.sum((octaves - octaves.mean()) ** 2))
+        lines.append(
+            f"| {name} | {mean:.0f} {unit} | {means[0, k]:.0f} | {means[-1, k]:.0f} | {q:.1f} | {p:.1g} | "
+            f"{i_squared:.2f} | {slope:+.0f} ± {error:.0f} {unit} |"
+        )
+    return [*lines, "", READING, ""]
+
+
+READING = (
+    "Reading: the Maxwell stiffness agrees over the frequencies, both dampers do not; they fall with frequency. One "
+    "relaxation time does not hold from 0.25 to 4 Hz, so the printed numbers alone show a gap: rate-dependent, in the "
+    "part in quadrature. Which effect causes it (a further relaxation time, a lag of the patch or of the transducer, "
+    "dry friction) the numbers cannot tell; raw data can."
+)
+STUDIES = {"damper": damper, "emps": emps, "silverbox": silverbox, "table_4": table_4}
+
+
+def main() -> None:
+    """Diagnose, and write a page per data set."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, default=ROOT / ".." / "shared" / "data")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=sorted(STUDIES))
+    options = parser.parse_args()
+    target = ROOT / "reports" / "diagnosis_measured"
+    target.mkdir(parents=True, exist_ok=True)
+    for name, study in STUDIES.items():
+        if options.only not in (None, name):
+            continue
+        lines = header(f"Diagnosis of measured data: {name}", __doc__, "diagnose_measured.py", versions())
+        page = "\n".join([*lines, *study(options.data, options.seed)])
+        (target / f"{name}.md").write_text(page, encoding="utf-8")
+        print(f"{name}: written", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,21 @@
+"""The check on withheld effects from end to end, with as few campaigns as it can have."""
+
+import json
+from pathlib import Path
+
+from mofit.bench.withheld_effects import check
+
+COUNTS = {"none": 1, "per-effect": 0, "unknown": 0, "pairs": 0, "kin": 0}
+
+
+def test_campaigns_are_made_diagnosed_and_scored_once(tmp_path: Path) -> None:
+    report = check(COUNTS, 5, 1, tmp_path, "a test")
+    figures = json.loads((report / "figures.json").read_text())
+    assert figures["campaigns"]["none"] == 1
+    assert figures["none"]["false_alarms"]["hits"] == 0
+    assert figures["not_diagnosed"] == 0
+    assert "Made by `mofit bench withheld-effects`: a test." in (report / "README.md").read_text()
+    (result,) = report.parent.glob("first/*.json")
+    before = result.stat().st_mtime_ns
+    assert check(COUNTS, 5, 1, tmp_path, "a test") == report
+    assert result.stat().st_mtime_ns == before
