@@ -100,9 +100,3 @@ def test_mat_vectors_scalars_and_structs(tmp_path):
     np.testing.assert_array_equal(table.column("t"), np.arange(5.0))
     np.testing.assert_array_equal(table.column("rig.force"), np.arange(5.0))
     assert table.column("gain").tolist() == [3.0]
-
-
-def test_mat_7_3_names_the_cure(tmp_path):
-    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\0" * 512)
-    with pytest.raises(InputError, match=r"version 7\.3 is not read.*-v7"):
-        read_table(tmp_path / "a.mat")

@@ -1,0 +1,62 @@
+"""The process that reads MAT and MDF files for `mofit.readers.contained`: a request a line in, columns out."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mofit.errors import Fault, InputError
+from mofit.readers.columns import MOST_BYTES, Columns
+from mofit.readers.mat import mat_columns
+from mofit.readers.mdf import mdf_columns
+
+READERS: dict[str, Callable[[Path], Columns]] = {".mat": mat_columns, ".mf4": mdf_columns, ".mdf": mdf_columns}
+
+
+def main() -> None:
+    """Answer requests until standard input ends.
+
+    A request is ``[path, name, seconds]``; the answer is one line of JSON, then the numbers of every column (``<f8``).
+    """
+    resource.setrlimit(resource.RLIMIT_DATA, (2 * MOST_BYTES, resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    answers = os.fdopen(os.dup(1), "wb")
+    # what a library prints must not get between the answers
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    for line in sys.stdin.buffer:
+        path, name, seconds = json.loads(line)
+        # the default action of the alarm ends the process, whatever it is in
+        signal.alarm(seconds)
+        head, numbers = _answer(Path(path), name)
+        signal.alarm(0)
+        answers.write(json.dumps(head).encode() + b"\n")
+        for values in numbers:
+            answers.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
+        answers.flush()
+
+
+def _answer(path: Path, name: str) -> tuple[dict[str, Any], list[np.ndarray]]:
+    where = f"file '{name}'"
+    try:
+        columns, units = READERS[path.suffix.lower()](path)
+    except InputError as error:
+        return {"faults": [[fault.where, fault.what, fault.cure] for fault in error.faults]}, []
+    except Exception as error:  # noqa: BLE001  a damaged file raises anything, from struct.error to MemoryError
+        reason = (str(error).splitlines() or [""])[0][:200] or type(error).__name__
+        fault = Fault(where, f"not a readable {path.suffix.lower()[1:].upper()} file ({reason})", "Copy it again")
+        return {"faults": [[fault.where, fault.what, fault.cure]]}, []
+    if not columns:
+        return {"faults": [[where, "holds no numeric vector", "Save the signals as vectors"]]}, []
+    return {"columns": [[key, values.size] for key, values in columns.items()], "units": units}, list(columns.values())
+
+
+if __name__ == "__main__":
+    main()
