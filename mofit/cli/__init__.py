@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from cyclopts import CycloptsError
 
-from mofit.cli import benchmarks, campaigns, design_command, planning, runs  # noqa: F401  # they register their commands
+# they register their commands
+from mofit.cli import benchmarks, campaigns, design_command, export_command, planning, runs  # noqa: F401
 from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
 from mofit.errors import InputError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mofit.cli.app import DONE, UNUSABLE, Json, app, print_json
+from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json
 from mofit.errors import InputError
 
 
@@ -50,7 +50,7 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
     from mofit.campaign_file import write_campaign
     from mofit.simulate import simulate as run
 
-    target = _new_file(out or Path(plan.with_suffix(".nc").name))
+    target = new_file(out or Path(plan.with_suffix(".nc").name))
     campaign = run(plan)
     write_campaign(campaign, target)
     return _report_campaign(campaign, target, as_json)
@@ -86,11 +86,11 @@ def import_(
         cure = "Give --map MAP.toml to import, or --guess to have a map proposed"
         raise InputError.of("import", "needs either --map or --guess", cure)
     if map is None:
-        target = _new_file(out) if out else None
+        target = new_file(out) if out else None
         return _report_map(guess_map(sources), target, as_json)
     from mofit.campaign_file import write_campaign
 
-    target = _new_file(out or Path(map.with_suffix(".nc").name))
+    target = new_file(out or Path(map.with_suffix(".nc").name))
     campaign = import_files(sources, map)
     write_campaign(campaign, target)
     return _report_campaign(campaign, target, as_json)
@@ -104,14 +104,6 @@ def _report_map(text: str, target: Path | None, as_json: bool) -> int:
     else:
         print(f"{target}: check it, then mofit import … --map {target}" if target else text, end="\n" if target else "")
     return DONE
-
-
-def _new_file(target: Path) -> Path:
-    if target.exists():
-        raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
-    if not target.parent.is_dir():
-        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
-    return target
 
 
 def _report_campaign(campaign: Any, target: Path, as_json: bool) -> int:

@@ -16,7 +16,6 @@ from mofit.readers.contained import Contained
 from mofit.readers.importing import source_files
 from mofit.readers.spellings import FAMILIES, TIME, Family, fits, key, parted, spelt
 from mofit.readers.table import BINARY, TEXT_READERS, Table, read_table
-from mofit.signals import sine_period
 from mofit.units import to_si
 from mofit.validity import time_faults
 
@@ -151,6 +150,8 @@ def _likely(quantity: str, values: Array) -> str:
 
 def _procedure(table: Table, time: Guess | None, driver: Guess) -> tuple[str, float | None]:
     """``sine`` and its frequency where the input is one, else ``free``."""
+    from mofit.signals import sine_period  # heavy, and whoever has a map needs no guess
+
     if time is None:
         return "free", None
     stamps, values = to_si(table.column(time.column), time.unit, "s"), table.column(driver.column)

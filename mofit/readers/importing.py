@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from functools import cache, partial
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from mofit.validity import channel_faults, finite_faults, role_faults, time_faul
 _UNITS = {"frequency": "Hz", "start_time": "s", "transient": "s", "sample_rate": "Hz"}
 
 
-def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
+def import_files(sources: Sequence[Path], map_path: Path, contained: Contained | None = None) -> Campaign:
     """Read the tests that a map names into one campaign, in SI units.
 
     Parameters
@@ -31,6 +32,8 @@ def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
         folder of the map.
     map_path
         The map file.
+    contained
+        Process that reads MAT and MDF files; by default one for this import.
 
     Raises
     ------
@@ -43,7 +46,7 @@ def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
     faults: list[Fault] = []
     conditions, units = _conditions("root", plan.conditions, faults)
     measurements = []
-    with Contained() as contained:
+    with nullcontext(contained) if contained else Contained() as contained:
         load = cache(partial(read_table, contained=contained))
         for test in _expand(plan.tests, files, faults):
             try:

@@ -38,7 +38,8 @@ def mdf_columns(path: Path) -> Columns:
             size = record.cycles_nr * max(int(getattr(record, "samples_byte_nr", 0)), 1)
             check_claim(path, size + record.cycles_nr)
             for number, channel in enumerate(group.channels):
-                signal = file.get(group=index, index=number, ignore_invalidation_bits=False)
+                # else asammdf leaves out the samples that are invalid, and the time axis would no longer fit
+                signal = file.get(group=index, index=number, ignore_invalidation_bits=True)
                 values = np.asarray(signal.samples)
                 if values.ndim != 1 or not values.size or values.dtype.kind not in "fiub":
                     continue

@@ -75,9 +75,12 @@ def file_text(path: Path) -> str:
     if data[:2] == b"\x1f\x8b":
         try:
             with gzip.open(io.BytesIO(data)) as file:
-                data = file.read(MOST_BYTES)
+                data = file.read(MOST_BYTES + 1)
         except (OSError, EOFError, zlib.error) as error:
             raise InputError.of(f"file '{path.name}'", f"damaged gzip file ({error})", "Copy it again") from error
+    if len(data) > MOST_BYTES:
+        what = f"unpacks to more than {MOST_BYTES} bytes"
+        raise InputError.of(f"file '{path.name}'", what, "Split it into one file per test")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -33,10 +33,10 @@ def write_csv(path: Path, data):
     path.write_text("\n".join([";".join(data), ";".join(UNITS[name] for name in data), *rows]))
 
 
-def write_mat5(path: Path, data):
+def write_mat5(path: Path, data, do_compression=True):
     from scipy.io import savemat
 
-    savemat(path, data, do_compression=True)
+    savemat(path, data, do_compression=do_compression)
 
 
 def write_mat73(path: Path, data):
@@ -59,13 +59,13 @@ def write_mat73(path: Path, data):
         file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM")
 
 
-def write_mdf(path: Path, data):
+def write_mdf(path: Path, data, version="4.10", compression=2):
     from asammdf import MDF, Signal
 
-    with MDF(version="4.10") as file:
+    with MDF(version=version) as file:
         channels = [Signal(v, data["time"], unit=UNITS[n], name=n) for n, v in data.items() if n != "time"]
         file.append(channels, common_timebase=True)
-        file.save(path, overwrite=True, compression=2)
+        file.save(path, overwrite=True, compression=compression)
 
 
 def write_tydex(path: Path, data):
