@@ -46,7 +46,8 @@ def import_files(sources: Sequence[Path], map_path: Path, contained: Contained |
     faults: list[Fault] = []
     conditions, units = _conditions("root", plan.conditions, faults)
     measurements = []
-    with nullcontext(contained) if contained else Contained() as contained:
+    # what overflows becomes infinite, and is counted as such
+    with np.errstate(all="ignore"), nullcontext(contained) if contained else Contained() as contained:
         load = cache(partial(read_table, contained=contained))
         for test in _expand(plan.tests, files, faults):
             try:
@@ -129,10 +130,10 @@ def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple
         place = f"condition '{name}'"
         try:
             values, condition_units[name] = _column(where, place, column, known_unit(name), table, test.rows)
-            if bad := finite_faults(f"{where}, {place}", values):
-                faults += bad
-            else:
-                own[name] = float(np.mean(values))
+            faults += finite_faults(f"{where}, {place}", values)
+            own[name] = float(np.mean(values))
+            if not faults:
+                faults += finite_faults(f"{where}, {place}, mean", np.atleast_1d(own[name]))
         except InputError as error:
             faults += error.faults
     channels: dict[str, dict[str, Array]] = {"input": {}, "output": {}}
@@ -211,9 +212,7 @@ def _column(
         scale = float(constant[0])
     try:
         target = unit or si_unit(own)
-        # what overflows is infinite, and counted as such
-        with np.errstate(all="ignore"):
-            return to_si(scale * values + column.offset, own, target), target
+        return to_si(scale * values + column.offset, own, target), target
     except UnitError as error:
         cure = f"Give the unit of the file's column{f'; it must convert to {unit!r}' if unit else ''}"
         raise InputError.of(where, str(error), cure) from error

@@ -54,7 +54,10 @@ def text_columns(path: Path) -> Columns:
     columns: dict[str, Array] = {}
     for k in frame.columns:
         name = header[k] if k < len(header) else ""
-        values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+        try:
+            values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+        except OverflowError as error:
+            raise InputError.of(where, f"column {k + 1}: {error}", "Correct the cell or cut the row") from error
         # a delimiter at the end of every line makes a last column without name and numbers
         if name or not np.all(np.isnan(values)):
             columns[name or str(k + 1)] = values

@@ -25,10 +25,7 @@ def guessed(folder, columns):
     return tomllib.loads(guess_map([csv(folder, columns)]))["tests"][0]
 
 
-@pytest.mark.parametrize("format", list(rig_files.WRITERS))
 def test_the_guess_of_every_format_imports_as_it_is(tmp_path, format):
-    if format == "mf4":
-        pytest.importorskip("asammdf", reason="the extra 'mdf' is not installed")
     data = rig_files.record()
     path = rig_files.write(tmp_path, format, data)
     (tmp_path / "map.toml").write_text(guess_map([path]))
