@@ -2,10 +2,11 @@
 
 Sound files of every format, written by the formats' own libraries, are damaged at random: bytes flipped, ends cut off,
 blocks doubled, moved, filled or taken from a file of another format, numbers blown up, and first bytes swapped between
-formats. Each is then imported as `mofit import` does it. Allowed are two outcomes: an `InputError` (exit code 2) with
-nothing written, or a campaign file that reads back with no fault. Counted as failures are any other exception, a file
-that took longer than its limit in mofit's own code, a partial file, and a campaign that does not read back. `contained`
-counts the refusals for which the process that reads MAT and MDF files had to be ended, by its time limit or a crash.
+formats. For each a map is proposed (`mofit import --guess`), and it is imported with the right map. Allowed are two
+outcomes: an `InputError` (exit code 2) with nothing written, or a campaign file that reads back with no fault (and a
+proposal that is valid TOML). Failures are any other exception or warning, a file on which mofit's own code took longer
+than its limit, a partial file, and a campaign that does not read back. `contained` counts the refusals for which
+the process that reads MAT and MDF files had to be ended, by its time limit of 10 s or a crash.
 
     python scripts/mutate_files.py --files 12000 --seed 0
 """
@@ -19,6 +20,7 @@ import signal
 import sys
 import tempfile
 import time
+import tomllib
 import traceback
 import warnings
 from collections import Counter
@@ -34,7 +36,7 @@ import rig_files
 
 from mofit.campaign_file import read_campaign, write_campaign
 from mofit.errors import InputError
-from mofit.readers import import_files
+from mofit.readers import guess_map, import_files
 from mofit.readers.contained import Contained
 
 #: wall time in s that the reading process, and any file at all, may take
@@ -102,6 +104,11 @@ def outcome(folder: Path, name: str, contained: Contained) -> str:
     target = folder / "out.nc"
     before = {path.name for path in folder.iterdir()}
     try:
+        try:
+            tomllib.loads(guess_map([folder / name], contained))
+        except InputError as error:
+            if "crashed, or took" in str(error):
+                return "contained"
         write_campaign(import_files([folder / name], folder / "map.toml", contained), target)
         found = "imported"
         read_campaign(target)

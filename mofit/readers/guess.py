@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,11 +35,18 @@ class Guess:
     why: str
 
 
-def guess_map(sources: Sequence[Path]) -> str:
+def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> str:
     """A map file (TOML) for these files: one test per file.
 
     Names are compared with `mofit.readers.spellings`, and a column whose unit does not fit is passed over. Where the
     file has no unit it is told from the size of the values, which a comment says.
+
+    Parameters
+    ----------
+    sources
+        Files, and folders of files.
+    contained
+        Process that reads MAT and MDF files; by default one for this guess.
 
     Raises
     ------
@@ -52,7 +60,8 @@ def guess_map(sources: Sequence[Path]) -> str:
         raise InputError.of("--guess", "no file of a known format", f"Give files that end in {', '.join(known)}")
     title = Path(sources[0]).stem.replace("_", " ") if len(sources) == 1 else "My specimen"
     head = [f"title = {_text(title)}", 'source = "measured"', "# a proposal: check every line before you import", ""]
-    with Contained() as contained:
+    # values that overflow decide nothing
+    with np.errstate(all="ignore"), nullcontext(contained) if contained else Contained() as contained:
         bodies = [list(_test(name, read_table(path, contained))) for name, path in sorted(chosen.items())]
     return "\n".join([*head, *(line for body in bodies for line in body)])
 
@@ -155,15 +164,14 @@ def _procedure(table: Table, time: Guess | None, driver: Guess) -> tuple[str, fl
     if time is None:
         return "free", None
     stamps, values = to_si(table.column(time.column), time.unit, "s"), table.column(driver.column)
-    with np.errstate(all="ignore"):
-        if not np.all(np.isfinite(values)) or time_faults("", stamps) or not 0 < np.var(values) < np.inf:
-            return "free", None
-        period = sine_period(stamps, values)
-        if period is None or period > np.ptp(stamps):
-            return "free", None
-        phase = 2 * np.pi * stamps / period
-        design = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
-        left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    if not np.all(np.isfinite(values)) or time_faults("", stamps) or not 0 < np.var(values) < np.inf:
+        return "free", None
+    period = sine_period(stamps, values)
+    if period is None or period > np.ptp(stamps):
+        return "free", None
+    phase = 2 * np.pi * stamps / period
+    design = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
+    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     return ("sine", 1 / period) if np.var(left) < (1 - SINE_SHARE) * np.var(values) else ("free", None)
 
 
