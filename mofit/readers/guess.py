@@ -39,7 +39,8 @@ def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> st
     """A map file (TOML) for these files: one test per file.
 
     Names are compared with `mofit.readers.spellings`, and a column whose unit does not fit is passed over. Where the
-    file has no unit it is told from the size of the values, which a comment says.
+    file has no unit it is told from the size of the values. Files in which no input and output are found are passed over.
+    Comments say both.
 
     Parameters
     ----------
@@ -48,10 +49,12 @@ def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> st
     contained
         Process that reads MAT and MDF files; by default one for this guess.
 
+    Files in which no input and output are found are passed over, which a comment says.
+
     Raises
     ------
     InputError
-        If there is no file of a known format, or one in which no input and output are found; lists its columns.
+        If there is no file of a known format, or none in which input and output are found; lists the columns.
     """
     files = source_files([Path(source) for source in sources])
     known = (*TEXT_READERS, *BINARY)
@@ -61,9 +64,24 @@ def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> st
     title = Path(sources[0]).stem.replace("_", " ") if len(sources) == 1 else "My specimen"
     head = [f"title = {_text(title)}", 'source = "measured"', "# a proposal: check every line before you import", ""]
     # values that overflow decide nothing
+    lines: list[str] = []
+    passed: list[Fault] = []
     with np.errstate(all="ignore"), nullcontext(contained) if contained else Contained() as contained:
-        bodies = [list(_test(name, read_table(path, contained))) for name, path in sorted(chosen.items())]
-    return "\n".join([*head, *(line for body in bodies for line in body)])
+        for name, path in sorted(chosen.items()):
+            try:
+                lines += _test(name, read_table(path, contained))
+            except InputError as error:
+                passed += error.faults
+    if not lines:
+        raise InputError(passed)
+    return "\n".join(
+        [*head, *(f"# passed over: {_line(fault.where)}: {_line(fault.what)}" for fault in passed), *lines]
+    )
+
+
+def _line(text: str) -> str:
+    """Text that fits in a comment: no control characters."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
 def _test(file: str, table: Table) -> Iterator[str]:

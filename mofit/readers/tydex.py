@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,11 @@ def is_tydex(path: Path) -> bool:
     """Whether a text file begins like TYDEX, whatever its ending."""
     with path.open("rb") as file:
         start = file.read(_LOOK)
+    if start[:2] == b"\x1f\x8b":
+        try:
+            start = zlib.decompressobj(31).decompress(start, _LOOK)
+        except zlib.error:
+            return False
     return any(line.strip().upper() == b"**HEADER" for line in start.splitlines())
 
 

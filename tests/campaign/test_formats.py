@@ -1,3 +1,4 @@
+import gzip
 import sys
 
 import h5py
@@ -41,6 +42,8 @@ def test_tydex_is_known_by_its_first_line_and_brings_units_and_constants(tmp_pat
     assert set(table.columns) == {"INFLPRES", *rig_files.TYDEX_NAMES.values()}
     assert table.units["FYW"] == "kN"
     assert (table.column("INFLPRES").tolist(), table.units["INFLPRES"]) == ([2.5], "bar")
+    (tmp_path / "packed.asc.gz").write_bytes(gzip.compress(path.read_bytes()))
+    assert list(read_table(tmp_path / "packed.asc.gz").columns) == list(table.columns)
 
 
 def test_tydex_factor_is_applied_and_offsets_are_refused(tmp_path):

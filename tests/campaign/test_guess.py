@@ -104,6 +104,15 @@ def test_columns_that_say_nothing_are_listed(tmp_path):
         guess_map([tmp_path / "notes"])
 
 
+def test_a_folder_is_guessed_file_by_file_and_what_is_no_table_is_said(tmp_path):
+    for name in ("b.csv", "a.csv"):
+        csv(tmp_path, {"t": TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE}, name)
+    (tmp_path / "notes.txt").write_text("no numbers\nat all\n")
+    text = guess_map([tmp_path])
+    assert [test["name"] for test in tomllib.loads(text)["tests"]] == ["a", "b"]
+    assert "# passed over: file 'notes.txt': holds no row of numbers" in text
+
+
 def test_names_and_units_come_apart():
     assert parted("FY [KN]", "lateral_force") == ("FY", "kN")
     assert parted("v_kmh", "longitudinal_velocity") == ("v", "km/h")
