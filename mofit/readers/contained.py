@@ -9,7 +9,6 @@ import sys
 import tempfile
 from pathlib import Path
 from types import TracebackType
-from typing import IO
 
 import numpy as np
 
@@ -62,21 +61,24 @@ class Contained:
         try:
             process.stdin.write(json.dumps([str(path.resolve()), path.name, allowed]).encode() + b"\n")
             process.stdin.flush()
-            head = process.stdout.readline()
-        except BrokenPipeError:
-            head = b""
+            answer = json.loads(process.stdout.readline() or "null")
+            sizes = [count for _, count in (answer or {}).get("columns", [])]
+            # whole or not at all: the process may die in the middle
+            numbers = np.frombuffer(process.stdout.read(8 * sum(sizes)), dtype="<f8")
+        except (BrokenPipeError, ValueError):
+            answer = None
         except BaseException:
             # interrupted in between: what is still under way belongs to no later file
             self._stop()
             raise
-        if not head:
+        if answer is None or ("columns" in answer and numbers.size < sum(sizes)):
             self._stop()
             what = f"damaged: reading it crashed, or took more than {allowed} s"
             raise InputError.of(f"file '{path.name}'", what, "Copy or export it again")
-        answer = json.loads(head)
         if "faults" in answer:
             raise InputError(Fault(*fault) for fault in answer["faults"])
-        return {name: _numbers(process.stdout, count) for name, count in answer["columns"]}, answer["units"]
+        parts = np.split(numbers.astype(float), np.cumsum(sizes)[:-1])
+        return dict(zip((name for name, _ in answer["columns"]), parts, strict=True)), answer["units"]
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None:
@@ -107,7 +109,3 @@ class Contained:
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
-
-
-def _numbers(stream: IO[bytes], count: int) -> np.ndarray:
-    return np.frombuffer(stream.read(8 * count), dtype="<f8").copy()

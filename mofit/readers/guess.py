@@ -39,8 +39,8 @@ def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> st
     """A map file (TOML) for these files: one test per file.
 
     Names are compared with `mofit.readers.spellings`, and a column whose unit does not fit is passed over. Where the
-    file has no unit it is told from the size of the values. Files in which no input and output are found are passed over.
-    Comments say both.
+    file has no unit it is told from the size of the values. Files in which no input and output are found are left
+    out. Comments say both.
 
     Parameters
     ----------
@@ -48,8 +48,6 @@ def guess_map(sources: Sequence[Path], contained: Contained | None = None) -> st
         Files, and folders of files.
     contained
         Process that reads MAT and MDF files; by default one for this guess.
-
-    Files in which no input and output are found are passed over, which a comment says.
 
     Raises
     ------

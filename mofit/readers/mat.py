@@ -34,7 +34,7 @@ def mat_columns(path: Path) -> Columns:
 
         with h5py.File(path, "r") as file:
             for name, item in file.items():
-                _collect_hdf5(path, name, item, columns)
+                _collect_hdf5(path, _text(name), item, columns)
         return columns, {}
     # imported here because few campaigns come from MAT files
     from scipy.io import loadmat, whosmat
@@ -61,7 +61,7 @@ def _collect_hdf5(path: Path, name: str, item: Any, columns: dict[str, Array], d
         return
     if hasattr(item, "items"):
         for field, inner in item.items():
-            _collect_hdf5(path, f"{name}.{field}", inner, columns, depth + 1)
+            _collect_hdf5(path, f"{name}.{_text(field)}", inner, columns, depth + 1)
         return
     kind = item.attrs.get("MATLAB_class", b"double")
     if kind in (b"char", b"cell") or item.attrs.get("MATLAB_empty", 0) or item.dtype.kind not in "fiub":
@@ -72,3 +72,8 @@ def _collect_hdf5(path: Path, name: str, item: Any, columns: dict[str, Array], d
         # a vector that was never stored would be read as zeros of any length
         check_claim(path, item.nbytes if item.id.get_storage_size() else -1)
     columns[name] = np.atleast_1d(np.squeeze(item[()])).astype(float)
+
+
+def _text(name: str | bytes) -> str:
+    """A name; h5py gives those that are no UTF-8 as bytes."""
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else name

@@ -79,12 +79,16 @@ FAMILIES = (
 
 #: name [unit], name (unit), name in unit, name / unit
 _WITH_UNIT = (r"(.+?)\s*\[(.*)\]", r"(.+?)\s*\((.*)\)", r"(.+?)\s+in\s+(\S+)", r"(.+?)\s*/\s*(\S+)")
+#: longest header that is taken apart; nobody writes one, and the patterns would take their time
+_LONGEST = 200
 _PLAIN_LETTERS = str.maketrans("äöüéè", "aouee")
 
 
 def parted(column: str, quantity: str) -> tuple[str, str | None]:
     """Name and unit of a header such as ``Fy [kN]``, ``Fy (kN)``, ``Fy in kN``, ``Fy/kN`` or ``Fy_kN``."""
     text = column.strip()
+    if len(text) > _LONGEST:
+        return text, None
     for pattern in _WITH_UNIT:
         if (match := re.fullmatch(pattern, text)) and (unit := spelt(match[2], quantity)):
             return match[1], unit

@@ -17,6 +17,7 @@ _DELIMITERS = ("\t", ";", ",")
 _COMMENTS = ("#", "%")
 #: lines that the format is told from
 _LOOK = 50
+_MOST_COLUMNS = 20_000
 
 
 def text_columns(path: Path) -> Columns:
@@ -40,6 +41,9 @@ def text_columns(path: Path) -> Columns:
     first = next((k for k, row in enumerate(rows) if _numeric(row, decimal)), None)
     if first is None:
         raise InputError.of(where, "holds no row of numbers", "Check that it is a text table")
+    if len(rows[first]) > _MOST_COLUMNS:
+        what = f"has {len(rows[first])} columns, more than {_MOST_COLUMNS}"
+        raise InputError.of(where, what, "Give one row per time stamp")
     try:
         frame = pd.read_csv(
             io.StringIO("\n".join(lines[first:])),

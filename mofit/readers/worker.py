@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mofit.errors import Fault, InputError
+from mofit.errors import InputError
 from mofit.readers.columns import MOST_BYTES, Columns
 from mofit.readers.mat import mat_columns
 from mofit.readers.mdf import mdf_columns
@@ -48,14 +48,21 @@ def _answer(path: Path, name: str) -> tuple[dict[str, Any], list[np.ndarray]]:
     try:
         columns, units = READERS[path.suffix.lower()](path)
     except InputError as error:
-        return {"faults": [[fault.where, fault.what, fault.cure] for fault in error.faults]}, []
+        return {"faults": [[_clean(text) for text in (f.where, f.what, f.cure)] for f in error.faults]}, []
     except Exception as error:  # noqa: BLE001  a damaged file raises anything, from struct.error to MemoryError
         reason = (str(error).splitlines() or [""])[0][:200] or type(error).__name__
-        fault = Fault(where, f"not a readable {path.suffix.lower()[1:].upper()} file ({reason})", "Copy it again")
-        return {"faults": [[fault.where, fault.what, fault.cure]]}, []
+        what = f"not a readable {path.suffix.lower()[1:].upper()} file ({_clean(reason)})"
+        return {"faults": [[where, what, "Copy it again"]]}, []
     if not columns:
         return {"faults": [[where, "holds no numeric vector", "Save the signals as vectors"]]}, []
-    return {"columns": [[key, values.size] for key, values in columns.items()], "units": units}, list(columns.values())
+    named = {_clean(name): values for name, values in columns.items()}
+    head = {"columns": [[name, values.size] for name, values in named.items()]}
+    return {**head, "units": {_clean(name): _clean(unit) for name, unit in units.items()}}, list(named.values())
+
+
+def _clean(text: str) -> str:
+    """Text that can be printed and stored: names of damaged files hold bytes that are no UTF-8."""
+    return text.encode("utf-8", "replace").decode("utf-8").replace("\0", "?")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 import rig_files
 from hypothesis import HealthCheck, given, settings
@@ -15,7 +17,7 @@ from hypothesis import strategies as st
 from mofit.campaign_file import read_campaign, write_campaign
 from mofit.cli import main
 from mofit.errors import InputError
-from mofit.readers import import_files, read_table
+from mofit.readers import guess_map, import_files, read_table
 from mofit.readers.contained import Contained
 
 #: without the extra 'mdf' the others are damaged all the same
@@ -158,6 +160,24 @@ def test_a_hanging_reader_is_ended_by_its_alarm(tmp_path):
     os.mkfifo(path)
     with Contained(seconds=1) as reader, pytest.raises(InputError, match="took more than 1 s"):
         reader.columns(path)
+
+
+def test_names_that_are_no_text_can_be_printed(tmp_path):
+    with h5py.File(tmp_path / "odd.mat", "w") as file:
+        for name in (b"alpha\xff [deg]", b"Fy\xfe [N]", b"t"):
+            file.create_dataset(name, data=np.arange(50.0))
+    assert list(read_table(tmp_path / "odd.mat").columns) == ["Fy\ufffd [N]", "alpha\ufffd [deg]", "t"]
+    # a lone surrogate could not be written
+    assert guess_map([tmp_path / "odd.mat"]).encode("utf-8")
+
+
+def test_headers_and_rows_of_absurd_length_are_refused_at_once(tmp_path):
+    (tmp_path / "wide.csv").write_text(",".join(["1"] * 30_000) + "\n")
+    with pytest.raises(InputError, match="has 30000 columns"):
+        read_table(tmp_path / "wide.csv")
+    (tmp_path / "long.csv").write_text(f"t,Fy{' ' * 100_000}[{' ' * 100_000}x\n1,2\n2,3\n")
+    with pytest.raises(InputError, match="no input and output found"):
+        guess_map([tmp_path / "long.csv"])
 
 
 def test_a_bomb_is_refused_by_its_size(tmp_path, monkeypatch):
