@@ -6,7 +6,7 @@ formats. For each a map is proposed (`mofit import --guess`), and it is imported
 outcomes: an `InputError` (exit code 2) with nothing written, or a campaign file that reads back with no fault (and a
 proposal that is valid TOML). Failures are any other exception or warning, a file on which mofit's own code took longer
 than its limit, a partial file, and a campaign that does not read back. `contained` counts the refusals for which
-the process that reads MAT and MDF files had to be ended, by its time limit of 10 s or a crash.
+the process that reads MAT and MDF files had to be ended, by its time limit of 5 s or a crash.
 
     python scripts/mutate_files.py --files 12000 --seed 0
 """
@@ -40,7 +40,7 @@ from mofit.readers import guess_map, import_files
 from mofit.readers.contained import Contained
 
 #: wall time in s that the reading process, and any file at all, may take
-SECONDS, LIMIT = 10, 30
+SECONDS, LIMIT = 5, 60
 
 
 def sound_files(folder: Path) -> dict[str, tuple[str, bytes, str]]:

@@ -108,7 +108,7 @@ def _test(file: str, table: Table) -> Iterator[str]:
         yield from ("", "[tests.conditions]", *(_condition(table, name, found) for name, found in conditions.items()))
     used = {g.column for g in (*channels.values(), *conditions.values(), *([time] if time else []))}
     if unused := [name for name in table.columns if name not in used]:
-        yield f"# not used: {', '.join(json.dumps(name, ensure_ascii=False) for name in unused[:40])}"
+        yield f"# not used: {', '.join(_text(name) for name in unused[:40])}"
     yield ""
 
 

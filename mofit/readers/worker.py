@@ -14,9 +14,12 @@ from typing import Any
 import numpy as np
 
 from mofit.errors import InputError
-from mofit.readers.columns import MOST_BYTES, Columns
+from mofit.readers.columns import Columns
 from mofit.readers.mat import mat_columns
 from mofit.readers.mdf import mdf_columns
+
+#: bytes that reading may take: for the libraries, and per byte of the file
+MEMORY, MEMORY_PER_BYTE = 2 << 30, 32
 
 READERS: dict[str, Callable[[Path], Columns]] = {".mat": mat_columns, ".mf4": mdf_columns, ".mdf": mdf_columns}
 
@@ -26,13 +29,13 @@ def main() -> None:
 
     A request is ``[path, name, seconds]``; the answer is one line of JSON, then the numbers of every column (``<f8``).
     """
-    resource.setrlimit(resource.RLIMIT_DATA, (2 * MOST_BYTES, resource.RLIM_INFINITY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     answers = os.fdopen(os.dup(1), "wb")
     # what a library prints must not get between the answers
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     for line in sys.stdin.buffer:
         path, name, seconds = json.loads(line)
+        _limit_memory(Path(path).stat().st_size)
         # the default action of the alarm ends the process, whatever it is in
         signal.alarm(seconds)
         head, numbers = _answer(Path(path), name)
@@ -41,6 +44,13 @@ def main() -> None:
         for values in numbers:
             answers.write(np.ascontiguousarray(values, dtype="<f8").tobytes())
         answers.flush()
+
+
+def _limit_memory(size: int) -> None:
+    """So that an allocation which a sound file of this size (bytes) would not need fails."""
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    limit = MEMORY + MEMORY_PER_BYTE * size
+    resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
 def _answer(path: Path, name: str) -> tuple[dict[str, Any], list[np.ndarray]]:

@@ -113,6 +113,13 @@ def test_a_folder_is_guessed_file_by_file_and_what_is_no_table_is_said(tmp_path)
     assert "# passed over: file 'notes.txt': holds no row of numbers" in text
 
 
+def test_odd_names_make_valid_toml(tmp_path):
+    names = {'q"uote': TIME, "back\\slash": TIME, "del\x7fete": TIME, "bell\x07": TIME}
+    text = guess_map([csv(tmp_path, {"t": TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE, **names})])
+    assert tomllib.loads(text)["tests"][0]["channels"]["slip_angle"]["column"] == "alpha [deg]"
+    assert "\x7f" not in text
+
+
 def test_names_and_units_come_apart():
     assert parted("FY [KN]", "lateral_force") == ("FY", "kN")
     assert parted("v_kmh", "longitudinal_velocity") == ("v", "km/h")
