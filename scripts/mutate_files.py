@@ -1,5 +1,7 @@
 """Import damaged files of every format: each is refused with one clear message, or makes a valid campaign.
 
+    python scripts/mutate_files.py --files 12000 --seed 0
+
 Sound files of every format, written by the formats' own libraries, are damaged at random: bytes flipped, ends cut off,
 blocks doubled, moved, filled or taken from a file of another format, numbers blown up, and first bytes swapped between
 formats. For each a map is proposed (`mofit import --guess`), and it is imported with the right map. Allowed are two
@@ -7,8 +9,6 @@ outcomes: an `InputError` (exit code 2) with nothing written, or a campaign file
 proposal that is valid TOML). Failures are any other exception or warning, a file on which mofit's own code took longer
 than its limit, a partial file, and a campaign that does not read back. `contained` counts the refusals for which
 the process that reads MAT and MDF files had to be ended, by its time limit of 5 s or a crash.
-
-    python scripts/mutate_files.py --files 12000 --seed 0
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def main() -> None:
         extra = ", ".join(f"{name} {version(name)}" for name in ("h5py", "asammdf", "pandas"))
         text = "\n".join([*header("Damaged files", __doc__, command), *lines, "", f"{versions()} {extra}.", ""])
         arguments.report.parent.mkdir(parents=True, exist_ok=True)
-        arguments.report.write_text(text.replace("\n\n    python scripts", "\n\n    python scripts"))
+        arguments.report.write_text(text)
 
 
 def table(counts: dict[str, Counter[str]], slowest: dict[str, float]) -> list[str]:

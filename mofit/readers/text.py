@@ -25,7 +25,7 @@ def text_columns(path: Path) -> Columns:
 
     Delimiter (tabulator, semicolon, comma, white space), decimal comma and header lines are told
     from the first lines; lines that begin with ``#`` or ``%`` are passed over. An empty or unreadable
-    cell is NaN. A second header line is taken for units if all its cells are.
+    cell is NaN. A name that is used twice is followed by its number: ``F (4)``. A second header line is taken for units if all its cells are.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def text_columns(path: Path) -> Columns:
             raise InputError.of(where, f"column {k + 1}: {error}", "Correct the cell or cut the row") from error
         # a delimiter at the end of every line makes a last column without name and numbers
         if name or not np.all(np.isnan(values)):
-            columns[name or str(k + 1)] = values
+            columns[f"{name} ({k + 1})" if name in columns else name or str(k + 1)] = values
     given = rows[1] if first > 1 and all(not cell or is_unit(cell) for cell in rows[1]) else []
     units = {name: unit for name, unit in zip(header, given, strict=False) if name in columns and unit}
     return columns, units

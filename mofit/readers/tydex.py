@@ -59,6 +59,7 @@ def tydex_columns(path: Path) -> Columns:
     data = _data(where, sections.get("**MEASURDATA", []), len(channels))
     for k, line in enumerate(channels):
         name = line[_NAME].strip() or str(k + 1)
+        name = f"{name} ({k + 1})" if name in columns else name
         columns[name] = _factor(where, name, line) * data[:, k]
         units[name] = line[_UNIT].strip()
     return columns, {name: unit for name, unit in units.items() if unit}
