@@ -25,7 +25,8 @@ def text_columns(path: Path) -> Columns:
 
     Delimiter (tabulator, semicolon, comma, white space), decimal comma and header lines are told
     from the first lines; lines that begin with ``#`` or ``%`` are passed over. An empty or unreadable
-    cell is NaN. A name that is used twice is followed by its number: ``F (4)``. A second header line is taken for units if all its cells are.
+    cell is NaN. A name that is used twice is followed by its number: ``F (4)``. A second header line is taken for units
+    if all its cells are.
 
     Raises
     ------
