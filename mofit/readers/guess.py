@@ -98,6 +98,8 @@ def _test(file: str, table: Table) -> Iterator[str]:
         if time
         else ('time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"')
     )
+    if time and (others := _other_times(table, time)):
+        yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
     yield from ("", "[tests.channels]", *(f"{name} = {_entry(found)}" for name, found in channels.items()))
     conditions = {
         name: found
@@ -110,6 +112,16 @@ def _test(file: str, table: Table) -> Iterator[str]:
     if unused := [name for name in table.columns if name not in used]:
         yield f"# not used: {', '.join(_text(name) for name in unused[:40])}"
     yield ""
+
+
+def _other_times(table: Table, time: Guess) -> list[str]:
+    """Time columns of the same length that hold other times: channels of an MDF file may follow any of them."""
+    own = table.column(time.column)
+    return [
+        _text(name)
+        for name, values in table.columns.items()
+        if key(name) in TIME and len(values) == len(own) and not np.array_equal(values, own, equal_nan=True)
+    ]
 
 
 def _channels(table: Table) -> tuple[Family, dict[str, Guess]]:

@@ -113,6 +113,13 @@ def test_a_folder_is_guessed_file_by_file_and_what_is_no_table_is_said(tmp_path)
     assert "# passed over: file 'notes.txt': holds no row of numbers" in text
 
 
+def test_two_times_of_one_length_are_said(tmp_path):
+    data = {"g1.time": TIME, "g2.time": TIME + 0.003, "alpha [deg]": ANGLE, "Fy [N]": FORCE}
+    assert '# other times of as many samples: "g2.time"' in guess_map([csv(tmp_path, data)])
+    same = {**data, "g2.time": TIME}
+    assert "other times" not in guess_map([csv(tmp_path, same)])
+
+
 def test_odd_names_make_valid_toml(tmp_path):
     names = {'q"uote': TIME, "back\\slash": TIME, "del\x7fete": TIME, "bell\x07": TIME}
     text = guess_map([csv(tmp_path, {"t": TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE, **names})])
