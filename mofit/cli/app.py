@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -50,4 +51,6 @@ def new_file(target: Path) -> Path:
         raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
     if not target.parent.is_dir():
         raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError.of(str(target), "its folder is not writable", "Name another folder with --out")
     return target

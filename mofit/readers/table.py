@@ -74,12 +74,18 @@ def read_table(path: Path, contained: Contained | None = None) -> Table:
     ending = endings[-1] if endings else ""
     if ending not in (*TEXT_READERS, *BINARY):
         raise InputError.of(where, f"unknown format '{ending}'", did_you_mean(ending, (*TEXT_READERS, *BINARY)))
-    if path.stat().st_size == 0:
-        raise InputError.of(where, "the file has zero length", "Copy it again")
+    try:
+        if path.stat().st_size == 0:
+            raise InputError.of(where, "the file has zero length", "Copy it again")
+        return Table(path.name, *_columns(path, ending, contained))
+    except OSError as error:
+        raise InputError.of(where, f"cannot be opened ({error.strerror or error})", "Check its permissions") from error
+
+
+def _columns(path: Path, ending: str, contained: Contained | None) -> Columns:
     if ending not in BINARY:
-        reader = tydex_columns if is_tydex(path) else TEXT_READERS[ending]
-        return Table(path.name, *reader(path))
+        return (tydex_columns if is_tydex(path) else TEXT_READERS[ending])(path)
     if contained is not None:
-        return Table(path.name, *contained.columns(path))
+        return contained.columns(path)
     with Contained() as own:
-        return Table(path.name, *own.columns(path))
+        return own.columns(path)

@@ -90,6 +90,17 @@ def test_a_file_that_claims_more_than_it_holds_is_refused_before_it_is_read(tmp_
         read_table(tmp_path / "big.mat")
 
 
+def test_a_file_that_may_not_be_opened_says_so(tmp_path, monkeypatch):
+    path = rig_files.write(tmp_path, "csv")
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("pathlib.Path.open", refuse)
+    with pytest.raises(InputError, match=r"file 'run\.csv': cannot be opened \(Permission denied\)"):
+        read_table(path)
+
+
 def test_a_column_without_a_unit_is_asked_for_one(tmp_path):
     path = rig_files.write(tmp_path, "mat")
     (tmp_path / "map.toml").write_text(rig_files.map_of(path, "csv"))
