@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
-from mofit.labels import HOLDS, KINDS
+from mofit.labels import HOLDS, KINDS, known_unit
 
 Array = NDArray[np.float64]
 
@@ -210,6 +210,37 @@ class Campaign:
             for values in channels:
                 digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
         return digest.hexdigest()
+
+
+def overview(measurement: Measurement) -> dict[str, Any]:
+    """What a test holds, as plain data.
+
+    Returns
+    -------
+    dict
+        ``test``, ``procedure``, ``samples``, ``seconds`` (s), ``rate`` (Hz), ``gaps`` (missing time steps; a campaign
+        that was read has none), ``channels`` by name with ``role``, ``unit`` and ``range``, and ``conditions`` (SI).
+    """
+    procedure, time = measurement.procedure, measurement.time
+    groups = (("input", procedure.inputs), ("output", measurement.outputs))
+    return {
+        "test": measurement.name,
+        "procedure": measurement.kind,
+        "samples": len(time),
+        "seconds": float(time[-1] - time[0]),
+        "rate": 1 / procedure.step,
+        "gaps": int(np.sum(np.diff(time) > 1.5 * procedure.step)),
+        "channels": {
+            name: {
+                "role": role,
+                "unit": measurement.units.get(name, known_unit(name) or "1"),
+                "range": [float(values.min()), float(values.max())],
+            }
+            for role, group in groups
+            for name, values in group.items()
+        },
+        "conditions": dict(procedure.conditions),
+    }
 
 
 def _canonical(value: object) -> bytes:

@@ -23,7 +23,13 @@ SI_UNITS = (
     "1/m", "m^2", "m^3", "kg/m^3",
 )  # fmt: skip
 
-_PLAIN = {"-": "1", "": "1", "%": "percent", "°": "deg", "°/s": "deg/s", "°C": "degC"}
+_PLAIN = {
+    "-": "1", "": "1", "%": "percent", "°": "deg", "°/s": "deg/s", "°C": "degC", "deg C": "degC",
+    "Nm": "N m", "kNm": "kN m", "kmh": "km/h", "kph": "km/h", "sec": "s", "msec": "ms",
+}  # fmt: skip
+#: longest unit, and what would make of a unit a number that takes for ever to compute
+_LONGEST = 40
+_ENDLESS = re.compile(r"\^[^ /)]*\^|\^\s*\(?\s*[-+]?\d{3}|\)\s*\^")
 
 
 class UnitError(MofitError):
@@ -57,6 +63,15 @@ def si_unit(unit: str) -> str:
     raise UnitError(f"no SI unit known for '{unit}'")
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that mofit converts."""
+    try:
+        si_unit(text)
+    except UnitError:
+        return False
+    return True
+
+
 def to_si(values: ArrayLike, unit: str, target: str) -> Array:
     """Convert values to the SI unit ``target``.
 
@@ -86,6 +101,8 @@ def _registry() -> pint.UnitRegistry:
 
 @cache
 def _parse(unit: str) -> pint.Unit:
+    if len(unit) > _LONGEST or _ENDLESS.search(unit):
+        raise UnitError(f"unknown unit '{unit[:_LONGEST]}'")
     try:
         return _registry().Unit("dimensionless" if unit == "1" else unit)
     except Exception as error:  # pint raises its own, tokenizer and type errors alike

@@ -28,7 +28,7 @@ FLOORS = {
     **dict.fromkeys(("refine", "sample", "search"), 5),
     **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
     "searching": 6,
-    **dict.fromkeys(("diagnosis", "identifiability", "identify", "profiles", "simulate"), 6),
+    **dict.fromkeys(("diagnosis", "export", "identifiability", "identify", "profiles", "simulate"), 6),
     **dict.fromkeys(("batch", "cli", "job", "options", "terminal"), 7),
     "__main__": 8,
 }

@@ -7,7 +7,16 @@ from collections.abc import Sequence
 from cyclopts import CycloptsError
 
 # they register their commands
-from mofit.cli import batches, benchmarks, campaigns, design_command, diagnose_command, planning, runs  # noqa: F401
+from mofit.cli import (  # noqa: F401
+    batches,
+    benchmarks,
+    campaigns,
+    design_command,
+    diagnose_command,
+    export_command,
+    planning,
+    runs,
+)
 from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
 from mofit.errors import InputError
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
 from mofit import __version__
+from mofit.errors import InputError
 
 DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
 INTERRUPTED = 130
@@ -40,3 +43,14 @@ def say(text: str) -> None:
 def print_json(data: Any) -> None:
     """One object on standard output."""
     print(json.dumps(data, allow_nan=False))
+
+
+def new_file(target: Path) -> Path:
+    """The file, if it can be written without harm; else an `InputError`."""
+    if target.exists():
+        raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
+    if not target.parent.is_dir():
+        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError.of(str(target), "its folder is not writable", "Name another folder with --out")
+    return target

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mofit.cli.app import DONE, UNUSABLE, Json, app, print_json
+from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json
 from mofit.errors import InputError
 
 
@@ -50,7 +50,7 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
     from mofit.campaign_file import write_campaign
     from mofit.simulate import simulate as run
 
-    target = _new_file(out or Path(plan.with_suffix(".nc").name))
+    target = new_file(out or Path(plan.with_suffix(".nc").name))
     campaign = run(plan)
     write_campaign(campaign, target)
     return _report_campaign(campaign, target, as_json)
@@ -59,11 +59,12 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
 @app.command(name="import")
 def import_(
     *sources: Path,
-    map: Path,
+    map: Path | None = None,
+    guess: bool = False,
     out: Path | None = None,
     as_json: Json = False,
 ) -> int:
-    """Turn measured files (CSV, text, MAT) into a campaign, as a map file says.
+    """Turn measured files (CSV and other text, MAT, MDF, TYDEX) into a campaign, as a map file says.
 
     Example: mofit import measured/*.csv --map my_rig.toml --out campaign.nc
 
@@ -73,35 +74,54 @@ def import_(
         Files or folders in which the map's files are looked for.
     map
         Map file (TOML): which column is which channel, in which unit; see docs/campaigns.md.
+    guess
+        Propose a map from the names and units of the columns, and import nothing.
     out
-        Campaign file to write; by default the map's name with .nc.
+        Campaign file to write, by default the map's name with .nc; with --guess the map file to write, by default
+        standard output.
     """
-    from mofit.campaign_file import write_campaign
-    from mofit.readers import import_files
+    from mofit.readers import guess_map, import_files
 
-    target = _new_file(out or Path(map.with_suffix(".nc").name))
+    if guess == (map is not None):
+        cure = "Give --map MAP.toml to import, or --guess to have a map proposed"
+        raise InputError.of("import", "needs either --map or --guess", cure)
+    if map is None:
+        target = new_file(out) if out else None
+        return _report_map(guess_map(sources), target, as_json)
+    from mofit.campaign_file import write_campaign
+
+    target = new_file(out or Path(map.with_suffix(".nc").name))
     campaign = import_files(sources, map)
     write_campaign(campaign, target)
     return _report_campaign(campaign, target, as_json)
 
 
-def _new_file(target: Path) -> Path:
-    if target.exists():
-        raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
-    if not target.parent.is_dir():
-        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
-    return target
+def _report_map(text: str, target: Path | None, as_json: bool) -> int:
+    if target:
+        target.write_text(text, encoding="utf-8")
+    if as_json:
+        print_json({"map": text, "file": str(target) if target else None})
+    else:
+        print(f"{target}: check it, then mofit import … --map {target}" if target else text, end="\n" if target else "")
+    return DONE
 
 
 def _report_campaign(campaign: Any, target: Path, as_json: bool) -> int:
-    rows = [
-        {"test": m.name, "procedure": m.kind, "samples": len(m.time), "seconds": float(m.time[-1] - m.time[0])}
-        for m in campaign.measurements
-    ]
+    from mofit.campaign import overview
+
+    rows = [overview(measurement) for measurement in campaign.measurements]
     if as_json:
         print_json({"file": str(target), "source": campaign.source, "tests": rows})
-    else:
-        print(f"{target}: {campaign.title} ({campaign.source}), {len(rows)} tests")
-        for row in rows:
-            print(f"  {row['test']}: {row['procedure']}, {row['samples']} samples, {row['seconds']:.3g} s")
+        return DONE
+    print(f"{target}: {campaign.title} ({campaign.source}), {len(rows)} tests")
+    for row in rows:
+        print(
+            f"  {row['test']}: {row['procedure']}, {row['samples']} samples, {row['rate']:.4g} Hz,"
+            f" {row['seconds']:.3g} s, {row['gaps']} gaps"
+        )
+        for name, channel in row["channels"].items():
+            low, high = channel["range"]
+            print(f"    {channel['role']} {name}: {low:.4g} to {high:.4g} {channel['unit']}")
+        if row["conditions"]:
+            print("    " + ", ".join(f"{name} {value:.5g}" for name, value in row["conditions"].items()) + " (SI)")
     return DONE

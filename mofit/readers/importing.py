@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -12,15 +13,16 @@ import numpy as np
 from mofit.campaign import Array, Campaign, Measurement, Procedure
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.labels import CHANNELS, known_unit
+from mofit.readers.contained import Contained
 from mofit.readers.map_file import ColumnMap, TestMap, quantity, read_map
 from mofit.readers.table import Table, read_table
 from mofit.units import UnitError, si_unit, to_si
-from mofit.validity import channel_faults, role_faults, time_faults, whole_period_faults
+from mofit.validity import channel_faults, finite_faults, role_faults, time_faults, whole_period_faults
 
 _UNITS = {"frequency": "Hz", "start_time": "s", "transient": "s", "sample_rate": "Hz"}
 
 
-def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
+def import_files(sources: Sequence[Path], map_path: Path, contained: Contained | None = None) -> Campaign:
     """Read the tests that a map names into one campaign, in SI units.
 
     Parameters
@@ -30,6 +32,8 @@ def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
         folder of the map.
     map_path
         The map file.
+    contained
+        Process that reads MAT and MDF files; by default one for this import.
 
     Raises
     ------
@@ -38,24 +42,32 @@ def import_files(sources: Sequence[Path], map_path: Path) -> Campaign:
     """
     map_path = Path(map_path)
     plan = read_map(map_path)
-    files = _files([Path(source) for source in sources] or [map_path.parent])
+    files = source_files([Path(source) for source in sources] or [map_path.parent])
     faults: list[Fault] = []
-    load = cache(read_table)
     conditions, units = _conditions("root", plan.conditions, faults)
     measurements = []
-    for test in _expand(plan.tests, files, faults):
-        try:
-            measurement, own_units = _measurement(test, load(files[test.file or ""]), {**conditions})
-            units |= own_units
-            measurements.append(measurement)
-        except InputError as error:
-            faults += error.faults
+    # what overflows becomes infinite, and is counted as such
+    with np.errstate(all="ignore"), nullcontext(contained) if contained else Contained() as contained:
+        load = cache(partial(read_table, contained=contained))
+        for test in _expand(plan.tests, files, faults):
+            try:
+                measurement, own_units = _measurement(test, load(files[test.file or ""]), {**conditions})
+                units |= own_units
+                measurements.append(measurement)
+            except InputError as error:
+                faults += error.faults
     raise_errors(dict.fromkeys(faults))
     return Campaign(plan.title, plan.source, conditions, tuple(measurements), dict(plan.attributes), units)
 
 
-def _files(sources: Sequence[Path]) -> dict[str, Path]:
-    """All files on offer, by name."""
+def source_files(sources: Sequence[Path]) -> dict[str, Path]:
+    """All files on offer, by name.
+
+    Raises
+    ------
+    InputError
+        With every source that is not there, or whose name is given twice.
+    """
     files: dict[str, Path] = {}
     faults = []
     for source in sources:
@@ -111,7 +123,19 @@ def _fill(test: TestMap, file: str, match: re.Match[str]) -> TestMap:
 def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple[Measurement, dict[str, str]]:
     where = f"test '{test.name}'"
     faults: list[Fault] = []
-    own, condition_units = _conditions(where, test.conditions, faults)
+    columns = {name: value for name, value in test.conditions.items() if isinstance(value, ColumnMap)}
+    fixed = {name: value for name, value in test.conditions.items() if not isinstance(value, ColumnMap)}
+    own, condition_units = _conditions(where, fixed, faults)
+    for name, column in columns.items():
+        place = f"condition '{name}'"
+        try:
+            values, condition_units[name] = _column(where, place, column, known_unit(name), table, test.rows)
+            faults += finite_faults(f"{where}, {place}", values)
+            own[name] = float(np.mean(values))
+            if not faults:
+                faults += finite_faults(f"{where}, {place}, mean", np.atleast_1d(own[name]))
+        except InputError as error:
+            faults += error.faults
     channels: dict[str, dict[str, Array]] = {"input": {}, "output": {}}
     units = {}
     for name, column in test.channels.items():
@@ -121,13 +145,11 @@ def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple
             faults.append(Fault(f"{where}, channel '{name}'", "has no role", cure))
             continue
         try:
-            units[name] = known_unit(name) or si_unit(column.unit)
-            channels[role][name] = _column(where, name, column, units[name], table, test.rows)
-        except UnitError as error:
-            faults.append(Fault(f"{where}, channel '{name}'", str(error), "Give the unit of the file's column"))
+            place = f"channel '{name}'"
+            channels[role][name], units[name] = _column(where, place, column, known_unit(name), table, test.rows)
         except InputError as error:
             faults += error.faults
-    driver = next(iter(units[name] for name in channels["input"]), None)
+    driver = next((units[name] for name in channels["input"]), None)
     numbers: dict[str, float | None] = {}
     for key in ("frequency", "amplitude", "start_time", "transient", "sample_rate"):
         value = getattr(test, key)
@@ -138,7 +160,7 @@ def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple
     raise_errors(faults)
     rate = numbers.pop("sample_rate")
     if test.time is not None:
-        time = _column(where, "time", test.time, "s", table, test.rows)
+        time, _ = _column(where, "channel 'time'", test.time, "s", table, test.rows)
         time = time - time[0]
     else:
         length = max((len(v) for group in channels.values() for v in group.values()), default=0)
@@ -166,29 +188,38 @@ def _faults(
     return faults + channel_faults(where, test.procedure, channels["input"], channels["output"])
 
 
-def _column(where: str, name: str, column: ColumnMap, unit: str, table: Table, rows: tuple[int, int] | None) -> Array:
+def _column(
+    test: str, what_for: str, column: ColumnMap, unit: str | None, table: Table, rows: tuple[int, int] | None
+) -> tuple[Array, str]:
+    """A column in ``unit``, or else in the SI unit of its own, and that unit."""
+    where = f"{test}, {what_for}"
     values = table.column(column.column)
-    if rows is not None:
+    own = column.unit if column.unit is not None else table.units.get(table.name_of(column.column))
+    if own is None:
+        what = f"column '{column.column}' has no unit"
+        raise InputError.of(where, what, f"Add unit = '{unit or '…'}', or the unit that the file's column is in")
+    if rows is not None and values.size > 1:
         if rows[1] > len(values):
             what = f"rows {rows[0]} to {rows[1]} of file '{table.name}', which has {len(values)}"
-            raise InputError.of(where, what, "Correct the rows")
+            raise InputError.of(test, what, "Correct the rows")
         values = values[rows[0] - 1 : rows[1]]
     scale = column.scale
     if isinstance(scale, str):
         constant = table.column(scale)
         if constant.size != 1:
             what = f"scale '{scale}' has {constant.size} values"
-            raise InputError.of(f"{where}, channel '{name}'", what, "Name a constant, or give a number")
+            raise InputError.of(where, what, "Name a constant, or give a number")
         scale = float(constant[0])
     try:
-        return to_si(scale * values + column.offset, column.unit, unit)
+        target = unit or si_unit(own)
+        return to_si(scale * values + column.offset, own, target), target
     except UnitError as error:
-        cure = f"Give the unit of the file's column; '{name}' is in '{unit}'"
-        raise InputError.of(f"{where}, channel '{name}'", str(error), cure) from error
+        cure = f"Give the unit of the file's column{f'; it must convert to {unit!r}' if unit else ''}"
+        raise InputError.of(where, str(error), cure) from error
 
 
 def _conditions(
-    where: str, given: dict[str, float | str], faults: list[Fault]
+    where: str, given: Mapping[str, float | str], faults: list[Fault]
 ) -> tuple[dict[str, float], dict[str, str]]:
     conditions, units = {}, {}
     for name, value in given.items():

@@ -24,11 +24,12 @@ Quantity = float | str
 class ColumnMap(_Strict):
     """A column and its unit: ``value [unit] = scale * column + offset``.
 
-    ``scale`` may name a constant of the same file.
+    ``scale`` may name a constant of the same file. ``unit`` may be left out where the file has it (MDF, TYDEX, a text
+    table with a line of units).
     """
 
     column: str | int
-    unit: str
+    unit: str | None = None
     role: Literal["input", "output"] | None = None
     scale: float | str = 1.0
     offset: float = 0.0
@@ -38,7 +39,7 @@ class TestMap(_Strict):
     """One test, or with ``pattern`` one for every file whose whole name matches.
 
     Named groups of the pattern fill ``{group}`` in the other texts; ``decimal`` is the sign that
-    stands for the decimal point in file names.
+    stands for the decimal point in file names. A condition that is a column is its mean.
     """
 
     name: str
@@ -52,7 +53,7 @@ class TestMap(_Strict):
     transient: Quantity | None = None
     hold: str = ""
     rows: tuple[int, int] | None = None
-    conditions: dict[str, Quantity] = Field(default_factory=dict)
+    conditions: dict[str, Quantity | ColumnMap] = Field(default_factory=dict)
     channels: dict[str, ColumnMap] = Field(default_factory=dict)
     time: ColumnMap | None = None
     sample_rate: Quantity | None = None
@@ -135,7 +136,11 @@ def _fault(where: str, problem: Mapping[str, Any]) -> Fault:
     place = ".".join(str(part + 1) if isinstance(part, int) else str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
         model = TestMap if "tests" in problem["loc"] else ImportMap
-        model_keys = ColumnMap.model_fields if {"channels", "time"} & set(problem["loc"][:-1]) else model.model_fields
+        model_keys = (
+            ColumnMap.model_fields
+            if {"channels", "time", "conditions"} & set(problem["loc"][:-1])
+            else model.model_fields
+        )
         known = [*model_keys, *(["defaults"] if model is ImportMap else [])]
         return Fault(f"{where}, {place}", "unknown key", did_you_mean(str(problem["loc"][-1]), known))
     if problem["type"] == "missing":

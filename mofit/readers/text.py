@@ -8,24 +8,25 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mofit.errors import InputError
-
-Array = NDArray[np.float64]
+from mofit.readers.columns import MOST_BYTES, Array, Columns
+from mofit.units import is_unit
 
 _DELIMITERS = ("\t", ";", ",")
 _COMMENTS = ("#", "%")
 #: lines that the format is told from
 _LOOK = 50
+_MOST_COLUMNS = 20_000
 
 
-def text_columns(path: Path) -> dict[str, Array]:
+def text_columns(path: Path) -> Columns:
     """Columns of a text table by their header; without a header they are called "1", "2" and so on.
 
     Delimiter (tabulator, semicolon, comma, white space), decimal comma and header lines are told
     from the first lines; lines that begin with ``#`` or ``%`` are passed over. An empty or unreadable
-    cell is NaN.
+    cell is NaN. A name that is used twice is followed by its number: ``F (4)``. A second header line is taken for units
+    if all its cells are.
 
     Raises
     ------
@@ -35,12 +36,15 @@ def text_columns(path: Path) -> dict[str, Array]:
     import pandas as pd  # heavy, and plans read nothing with it
 
     where = f"file '{path.name}'"
-    lines = [line for line in _text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
+    lines = [line for line in file_text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
     delimiter, decimal = _dialect(lines[:_LOOK])
     rows = [_split(line, delimiter) for line in lines[:_LOOK]]
     first = next((k for k, row in enumerate(rows) if _numeric(row, decimal)), None)
     if first is None:
         raise InputError.of(where, "holds no row of numbers", "Check that it is a text table")
+    if len(rows[first]) > _MOST_COLUMNS:
+        what = f"has {len(rows[first])} columns, more than {_MOST_COLUMNS}"
+        raise InputError.of(where, what, "Give one row per time stamp")
     try:
         frame = pd.read_csv(
             io.StringIO("\n".join(lines[first:])),
@@ -49,26 +53,42 @@ def text_columns(path: Path) -> dict[str, Array]:
             header=None,
             low_memory=False,
         )
-    except pd.errors.ParserError as error:
+    except (pd.errors.ParserError, OverflowError, MemoryError) as error:
         raise InputError.of(where, f"no regular table: {error}", "Give every row the same number of cells") from error
     header = rows[0] if first else []
     columns: dict[str, Array] = {}
     for k in frame.columns:
         name = header[k] if k < len(header) else ""
-        values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+        try:
+            values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+        except OverflowError as error:
+            raise InputError.of(where, f"column {k + 1}: {error}", "Correct the cell or cut the row") from error
         # a delimiter at the end of every line makes a last column without name and numbers
         if name or not np.all(np.isnan(values)):
-            columns[name or str(k + 1)] = values
-    return columns
+            columns[f"{name} ({k + 1})" if name in columns else name or str(k + 1)] = values
+    given = rows[1] if first > 1 and all(not cell or is_unit(cell) for cell in rows[1]) else []
+    units = {name: unit for name, unit in zip(header, given, strict=False) if name in columns and unit}
+    return columns, units
 
 
-def _text(path: Path) -> str:
+def file_text(path: Path) -> str:
+    """Text of a file, gzip or not, in UTF-8 or else Latin-1.
+
+    Raises
+    ------
+    InputError
+        If the gzip file is damaged, or unpacks to more than `MOST_BYTES`.
+    """
     data = path.read_bytes()
     if data[:2] == b"\x1f\x8b":
         try:
-            data = gzip.decompress(data)
+            with gzip.open(io.BytesIO(data)) as file:
+                data = file.read(MOST_BYTES + 1)
         except (OSError, EOFError, zlib.error) as error:
             raise InputError.of(f"file '{path.name}'", f"damaged gzip file ({error})", "Copy it again") from error
+    if len(data) > MOST_BYTES:
+        what = f"unpacks to more than {MOST_BYTES} bytes"
+        raise InputError.of(f"file '{path.name}'", what, "Split it into one file per test")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

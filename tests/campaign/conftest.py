@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import rig_files
 
 from mofit.campaign import Campaign, Measurement, Procedure
 
@@ -32,3 +33,11 @@ def campaign() -> Campaign:
     conditions = {"vertical_force": 3000.0, "longitudinal_velocity": 2.0, "dynamic_rolling_radius": 0.3}
     tests = (sine_test(), sine_test("sine_2Hz", 2.0, seed=1))
     return Campaign("A tyre", "simulated", conditions, tests, {"note": "made for tests"})
+
+
+@pytest.fixture(params=list(rig_files.WRITERS))
+def format(request):
+    """Every format that files are imported from, by its name in `rig_files`."""
+    if request.param == "mf4":
+        pytest.importorskip("asammdf", reason="the extra 'mdf' is not installed")
+    return request.param

@@ -7,6 +7,7 @@ import numpy as np
 
 from mofit.check import check_campaign
 from mofit.readers import import_files
+from mofit.readers.table import BINARY, TEXT_READERS
 
 TEXT = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
 
@@ -32,3 +33,8 @@ def test_the_map_example_imports(tmp_path):
     campaign = import_files([], tmp_path / "map.toml")
     assert campaign.tests == ("sine_1Hz", "sine_0.5Hz")
     assert campaign.measurements[1].procedure.frequency == 0.5
+
+
+def test_every_format_that_is_read_is_in_the_table():
+    table = TEXT[TEXT.index("## Import: the formats") : TEXT.index("## Import: a map to begin with")]
+    assert {ending for ending in (*TEXT_READERS, *BINARY) if f"`{ending}`" not in table} == set()

@@ -47,6 +47,12 @@ def test_comments_quotes_units_rows_and_blank_lines(tmp_path):
     np.testing.assert_array_equal(table.column("F in N"), [1, 2, 3])
 
 
+def test_a_name_used_twice_hides_no_column(tmp_path):
+    table = read(tmp_path, "t;F;s;F\n0;1;2;3\n1;4;5;6\n")
+    assert list(table.columns) == ["t", "F", "s", "F (4)"]
+    np.testing.assert_array_equal(table.column(4), [3, 6])
+
+
 def test_an_empty_or_odd_cell_is_nan(tmp_path):
     table = read(tmp_path, "a,b\n1,2\n,3\n4,oops\n5,6\n")
     np.testing.assert_array_equal(table.column("a"), [1, np.nan, 4, 5])
@@ -100,9 +106,3 @@ def test_mat_vectors_scalars_and_structs(tmp_path):
     np.testing.assert_array_equal(table.column("t"), np.arange(5.0))
     np.testing.assert_array_equal(table.column("rig.force"), np.arange(5.0))
     assert table.column("gain").tolist() == [3.0]
-
-
-def test_mat_7_3_names_the_cure(tmp_path):
-    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\0" * 512)
-    with pytest.raises(InputError, match=r"version 7\.3 is not read.*-v7"):
-        read_table(tmp_path / "a.mat")

@@ -10,19 +10,7 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = (
-    "check",
-    "identify",
-    "simulate",
-    "import",
-    "report",
-    "uncertainty",
-    "compare",
-    "design",
-    "diagnose",
-    "batch",
-    "bench",
-)
+COMMANDS = tuple("check identify simulate import export report uncertainty compare design diagnose batch bench".split())
 
 
 def mofit(*arguments, cwd=None):
@@ -167,6 +155,10 @@ def test_wrong_options_are_refused(rig, gain, empty, capsys):
         (["bench", "kernl"], "kernel"),
         (["simulate", "absent.toml"], "absent.toml"),
         (["import", "--map", "absent.toml"], "absent.toml"),
+        (["import", rig], "--map", "--guess"),
+        (["import", rig, "--guess"], "no file of a known format"),
+        (["export", "absent", "--to", "c"], "absent"),
+        (["export", "absent", "--to", "fmu"], "fmu"),
     ):
         refused(arguments, empty, capsys, *words)
 
