@@ -27,6 +27,7 @@ from mofit.identifiability.verdicts import (
     relative_size,
     spread,
 )
+from mofit.parameters import ParameterSpace
 from mofit.progress import Progress, silent
 
 Array = NDArray[np.float64]
@@ -66,6 +67,10 @@ def _group(name: str, tests: Sequence[str], sources: Sequence[Source]) -> Proced
     if missing is None:
         raise InputError.of(f"--group {name}", "its tests are in different files", "Name tests of one file")
     raise InputError.of(f"--group {name}", f"no test '{missing}'", did_you_mean(missing, known))
+
+
+#: Width of a Gaussian's profile interval in its standard deviations.
+_WIDTH = 2 * float(np.sqrt(2 * RISE))
 
 
 def compare(
@@ -148,7 +153,7 @@ def _judge(
             verdict=verdict,
             sd=float(np.median((found.sd * told.stretch)[usable, k])),
             relative_sd=relative,
-            sd_here=float(found.sd[0, k] * stretch[k]),
+            sd_here=_spread_here(float(found.sd[0, k] * stretch[k]), limits[k], space.subset([name])),
             low=float(np.min(found.relative[usable, k])),
             high=float(np.max(found.relative[usable, k])),
             bound_sd=float(bound.sd[0, k] * stretch[k]),
@@ -177,8 +182,16 @@ def _confirmed(verdict: str, limits: Limits, size: float) -> str:
         return verdict
     if limits.closed == 1:
         return ONE_SIDED
-    half = (limits.high - limits.low) / (2 * np.sqrt(2 * RISE))
+    half = np.asarray((limits.high - limits.low) / _WIDTH)
     return IDENTIFIABLE if limits.closed == 2 and bool(good(half, np.asarray(size))) else NOT
+
+
+def _spread_here(sd: float, limits: Limits | None, space: ParameterSpace) -> float:
+    """Expected standard deviation: the profile's where it is closed, since it sees curvature that derivatives miss."""
+    if limits is None or limits.closed < 2:
+        return sd
+    low, high = (float(space.from_unit(np.array([end]))[0]) for end in (limits.low, limits.high))
+    return (high - low) / _WIDTH
 
 
 def _carried(told: Told, procedure: Procedure, shown: Sequence[str]) -> Carried:

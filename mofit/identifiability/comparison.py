@@ -36,7 +36,7 @@ class Entry:
     sd, relative_sd
         Expected standard deviation of the estimate, median over the parameter sets; and over the value's magnitude.
     sd_here
-        The same at the stated values alone.
+        The same at the stated values alone; from the profile, where one was traced and closes.
     low, high
         Least and largest ``relative_sd`` over the parameter sets.
     bound_sd
