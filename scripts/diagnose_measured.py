@@ -24,23 +24,12 @@ from mofit.problem import build_problem
 from mofit.readers import import_files
 from mofit.result.agreement import cochran
 from mofit.settings import Settings
+from paper_tables import TABLE_4
 from report_header import header, versions
 
 ROOT = Path(__file__).resolve().parents[1]
 #: SOURCE.txt of the EMPS data: mass [kg], viscous friction [N s/m], dry friction [N], offset [N]
 EMPS = {"m_b": 95.0, "d": 201.6, "F_d": 20.6, "F_0": -3.24}
-#: Hackl et al. 2016, Table 4, as printed: frequency [Hz] -> d_y [N s/m], c_M [N/m], d_M [N s/m] of three minima
-TABLE_4 = {
-    0.25: ((218, 27057, 7194), (278, 14671, 11731), (225, 21154, 10659)),
-    0.5: ((511, 20724, 9112), (230, 23894, 9457), (558, 26750, 6941)),
-    1.0: ((333, 18740, 12367), (267, 19436, 11170), (310, 26151, 8023)),
-    1.5: ((287, 19165, 10764), (484, 19771, 5666), (520, 14933, 6092)),
-    2.0: ((260, 21560, 8484), (331, 20321, 8208), (579, 15564, 5519)),
-    2.5: ((223, 20345, 4798), (244, 21075, 5905), (294, 17123, 7026)),
-    3.0: ((133, 19879, 4490), (122, 20193, 5331), (181, 19689, 5263)),
-    3.5: ((111, 17323, 6645), (227, 20206, 9690), (242, 20656, 6130)),
-    4.0: ((143, 18373, 4539), (181, 18077, 4557), (85, 22752, 7382)),
-}
 
 
 def told(found: Diagnosis) -> list[str]:
