@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.joint import JointProblem
 from mofit.kernel import Drive
 from mofit.problem import Problem
 
@@ -19,19 +18,20 @@ STEPS = (1, 2)
 CHECKED = 4.0
 
 
-def in_few_steps(problem: Problem | JointProblem, point: Array, spread: Array) -> Problem | JointProblem:
+def star(point: Array, spread: Array) -> Array:
+    """The point (d,) and those at `CHECKED` standard deviations (d,) from it along every parameter, (2 d + 1, d)."""
+    arms = CHECKED * np.diag(spread)
+    return np.clip(np.concatenate([point[None], point + arms, point - arms]), 0.0, 1.0)
+
+
+def in_few_steps(problem: Problem, point: Array, spread: Array) -> Problem:
     """The same problem for sampling around one point (d,) with standard deviations (d,), integrated in few steps.
 
     What few steps do wrong at the point is added to the data, so that only the *change* of that defect from there is an
     error. Where it exceeds the problem's tolerance at 4 standard deviations along any parameter, the problem is
-    returned as it is. Of a joint problem, the main one is quickened.
+    returned as it is.
     """
-    if isinstance(problem, JointProblem):
-        main = in_few_steps(problem.main, point, spread)
-        assert isinstance(main, Problem)
-        return replace(problem, main=main)
-    star = CHECKED * np.diag(spread)
-    values = problem.full(np.clip(np.concatenate([point[None], point + star, point - star]), 0.0, 1.0))
+    values = problem.full(star(point, spread))
     exact = problem.simulator.simulate(values)
     for steps in STEPS:
         quick = problem.simulator.with_steps(steps)

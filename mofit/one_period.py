@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.few_steps import CHECKED
-from mofit.joint import JointProblem
+from mofit.few_steps import star
 from mofit.kernel import Drive
 from mofit.problem import Problem
 
@@ -18,7 +17,7 @@ Array = NDArray[np.float64]
 _MOST_PERIODS, _OFF_SAMPLE = 10, 0.02
 
 
-def in_one_period(problem: Problem | JointProblem, point: Array, spread: Array) -> Problem | JointProblem:
+def in_one_period(problem: Problem, point: Array, spread: Array) -> Problem:
     r"""The same problem for sampling around one point (d,) with standard deviations (d,), its tests cut short.
 
     Where the change of a response from the one at the point, :math:`\delta_k = y_k(u) - y_k(u_0)`, repeats with the
@@ -30,14 +29,9 @@ def in_one_period(problem: Problem | JointProblem, point: Array, spread: Array) 
               \bar m_j = y_j(u_0) + \frac{1}{W_j} \sum_{k \sim j} w_k (m_k - y_k(u_0))
 
     A test is cut where that holds to the problem's tolerance at 4 standard deviations along any parameter; one whose
-    response never settles, or that does not repeat, is left as it is. Of a joint problem, the main one is cut.
+    response never settles, or that does not repeat, is left as it is.
     """
-    if isinstance(problem, JointProblem):
-        main = in_one_period(problem.main, point, spread)
-        assert isinstance(main, Problem)
-        return replace(problem, main=main)
-    star = CHECKED * np.diag(spread)
-    around = problem.simulate(np.clip(np.concatenate([point[None], point + star, point - star]), 0.0, 1.0))
+    around = problem.simulate(star(point, spread))
     drives = tuple(
         _cut(drive, outputs, record.period, problem.simulator.tolerance)
         for drive, outputs, record in zip(problem.drives, around, problem.records, strict=True)

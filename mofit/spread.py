@@ -69,11 +69,16 @@ class SpreadProblem:
     def around(self, point: Array, spread: Array) -> SpreadProblem:
         """The same, quicker to evaluate around a point (d,) with standard deviations (d,).
 
-        See `in_one_period` and `in_few_steps`.
+        See `in_one_period` and `in_few_steps`; of a joint problem, the main one is quickened.
         """
+        whole = self.problem
         taken = self.adjustment.mapped(point[None])
-        problem = in_few_steps(in_one_period(self.problem, taken[0], spread), taken[0], spread)
-        change = problem.squares(taken) - self.problem.squares(taken)
+
+        def quick(problem: Problem) -> Problem:
+            return in_few_steps(in_one_period(problem, taken[0], spread), taken[0], spread)
+
+        problem = replace(whole, main=quick(whole.main)) if isinstance(whole, JointProblem) else quick(whole)
+        change = problem.squares(taken) - whole.squares(taken)
         return replace(self, problem=problem, squares=self.squares + float(change[0]))
 
     @property

@@ -17,41 +17,23 @@ are kept.
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
-from functools import cache, partial
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.calibration import calibrate
-from mofit.campaign import Campaign
+from design_repeats import DYNAMIC, SEED, simulated
 from mofit.identifiability.design import PERIODS, Frame
 from mofit.identifiability.design_files import DesignJob, Proposal, design_file
-from mofit.kernel import Simulator
-from mofit.kernel.steps import RK4
 from mofit.library import find_model
-from mofit.model import Model
-from mofit.parameters import ParameterSpace
-from mofit.posing import main_problem
-from mofit.problem import Problem
-from mofit.refine import merge, refine
-from mofit.settings import Settings
-from mofit.simulate import Plan, read_plan, run_plan
-from mofit.simulate.noise import noise
+from mofit.simulate import Plan, read_plan
 from mofit.simulate.plan_text import plan_text
-from mofit.simulate.setup import set_up
-from mofit.spread import spread_problem
+from report_header import header, versions
 
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
-DYNAMIC = ("d_y", "c_M", "d_M")
 RANDOM, SIMULATED = 1000, 3
 BUDGET_B = 300.0
 #: Short tests, so that a programme has several: where the best is one long test, random programmes find it, too.
@@ -81,9 +63,6 @@ kind = "chirp"
 frequency = ["0.1 Hz", "0.3 Hz"]
 last_frequency = ["2 Hz", "6 Hz"]
 """
-SEED = 5
-#: Repeats per row of the work folder.
-CHUNK = 10
 
 
 def base_plan() -> Plan:
@@ -97,87 +76,6 @@ def proposal(work: Path, plan: Plan, jobs: int, **wanted: object) -> Proposal:
     path.write_text(plan_text(plan), encoding="utf-8")
     job = DesignJob(file=path, seed=SEED, jobs=jobs, **wanted)  # type: ignore[arg-type]
     return design_file(job, lambda what: find_model(what.model), lambda what: what.model)
-
-
-@cache
-def clean(text: str) -> tuple[Campaign, dict[str, dict[str, float]], dict[str, float]]:
-    """The campaign of a plan without noise, the noise it should have, and the true values."""
-    plan = Plan.model_validate_json(text)
-    setup = set_up(plan, "plan")
-    return run_plan(plan.model_copy(update={"noise": {}})), dict(setup.noise), dict(setup.values)
-
-
-def noisy(text: str, seed: int) -> Campaign:
-    """The same with noise."""
-    campaign, settings, _ = clean(text)
-    rng = np.random.default_rng([SEED, seed])
-    measurements = tuple(
-        replace(m, outputs={name: y + noise(y, rng, **settings[name]) for name, y in m.outputs.items()})
-        for m in campaign.measurements
-    )
-    return replace(campaign, measurements=measurements)
-
-
-def estimates(
-    campaign: Campaign, model: Model, truth: dict[str, float], choices: list[list[str]], steps: list[int | None]
-) -> list[list[float]]:
-    """Estimates of the dynamic parameters from each choice of tests, beside the same calibration tests.
-
-    ``steps`` per choice are found with the first campaign and kept for the others.
-    """
-    settings = Settings(jobs=1, seed=SEED)
-    space = ParameterSpace(model.parameters)
-    stages, _ = calibrate(model, campaign, space, seed=SEED, jobs=1)
-    start = space.to_unit(np.array([truth[name] for name in space.names]))[None]
-    found = []
-    for place, tests in enumerate(choices):
-        problem = main_problem(model, campaign.select(tests), space, stages, settings)
-        local, steps[place] = local_problem(problem, start, steps[place])
-        first = merge(refine(local.evaluate, start))[0].point
-        counted = local.with_noise_at(first)
-        point = merge(refine(counted.evaluate, first[None]))[0].point
-        # as sampled: the likelihood as wide as the noise asks, so that the priors of the stages weigh in rightly
-        wide = spread_problem(counted, point)
-        moved = merge(refine(wide.evaluate, point[None]))[0].point
-        values = space.from_unit(moved)
-        found.append([float(values[space.index(name)]) for name in DYNAMIC])
-    return found
-
-
-def local_problem(problem: Problem, start: Array, steps: int | None) -> tuple[Problem, int | None]:
-    """Integrated for the neighbourhood of the truth; the number of steps that its rule asks for, all repeats share."""
-    if steps is not None:
-        return replace(
-            problem, simulator=Simulator(problem.system, problem.drives, problem.space.names, steps=steps)
-        ), steps
-    near = problem.near(start, np.full(len(start[0]), 0.01))
-    rungs = [rung for rule in near.simulator.rules for rung in rule.rungs if rung.scheme is RK4]
-    return near, max((rung.steps for rung in rungs), default=None)
-
-
-def rows(work: Path, text: str, label: str, choices: list[list[str]], first: int) -> list[list[list[float]]]:
-    """Estimates of `CHUNK` repeats, (repeat, choice, parameter); kept in the work folder."""
-    path = work / f"{label}-{first}.json"
-    if path.exists():
-        kept = json.loads(path.read_text())
-        if kept["plan"] == text and kept["choices"] == choices:
-            return kept["estimates"]
-    _, _, truth = clean(text)
-    model = find_model("maxwell_tyre")
-    steps: list[int | None] = [None] * len(choices)
-    found = [estimates(noisy(text, seed), model, truth, choices, steps) for seed in range(first, first + CHUNK)]
-    path.write_text(json.dumps({"plan": text, "choices": choices, "estimates": found}))
-    return found
-
-
-def simulated(arguments: argparse.Namespace, plan: Plan, label: str, choices: list[list[str]]) -> Array:
-    """Estimates (repeats, choices, 3)."""
-    starts = range(0, arguments.repeats, CHUNK)
-    task = partial(rows, arguments.work, plan.model_dump_json(), label, choices)
-    if arguments.jobs == 1:
-        return np.concatenate([np.array(task(first)) for first in starts])
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        return np.concatenate([np.array(found) for found in pool.map(task, starts)])
 
 
 def interval(statistic, values: Array) -> str:  # type: ignore[no-untyped-def]
@@ -298,18 +196,11 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "design_study")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "casadi", "llvmlite"))
-    head = [
-        "# Designed tests, predicted and actual",
-        "",
-        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
-        "",
-        f"Written by `python scripts/design_study.py --repeats {arguments.repeats}`; seed {SEED}.",
-        "",
-    ]
+    command = f"design_study.py --repeats {arguments.repeats}"
+    head = header("Designed tests, predicted and actual", __doc__, command, f"Seed {SEED}.")
     target = ROOT / "reports" / "design"
     target.mkdir(parents=True, exist_ok=True)
-    foot = ["", f"Python {platform.python_version()}, {libraries}.", ""]
+    foot = ["", versions(), ""]
     told: list[str] = []
     for part in (part_a, part_b):
         told += [*part(arguments), ""]

@@ -15,10 +15,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
 import time
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -40,11 +38,11 @@ from mofit.simulate import Plan, read_plan, run_plan
 from mofit.simulate.noise import noise
 from mofit.simulate.plan import TestPlan
 from mofit.spread import spread_problem
+from report_header import header, versions
 
 Array = NDArray[np.float64]
 
 ROOT = Path(__file__).resolve().parents[1]
-LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite")
 PARAMETERS = ("d_y", "c_M", "d_M")
 EXTRA = (
     {"name": "chirp", "kind": "chirp", "amplitude": "2 deg", "frequency": "0.2 Hz", "last_frequency": "4 Hz",
@@ -260,19 +258,16 @@ def main() -> None:
     counted = [row for row in data if row["within"] is not None]
     good = sum(row["within"] for row in counted)
     cpu = sum(row["cpu_seconds"] for rows in results.values() for row in rows)
-    libraries = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    text = "\n".join([
-        "# Predicted and actual spread",
-        "",
-        (__doc__ or "").partition("\n\n")[2].partition("\n\n")[2].strip(),
-        "",
-        f"Written by `python scripts/predicted_spread.py --campaigns {arguments.campaigns} --seed {arguments.seed}"
-        f"{'' if len(results) == len(PROCEDURES) else f' --procedures {len(results)}'}` "
-        f"({cpu:.0f} s of processor time). The standard error of an actual standard deviation is "
+    command = f"predicted_spread.py --campaigns {arguments.campaigns} --seed {arguments.seed}"
+    note = (
+        f"{cpu:.0f} s of processor time. The standard error of an actual standard deviation is "
         f"{100 / np.sqrt(2 * (arguments.campaigns - 1)):.1f} %. Claimed: median of the standard deviations that the "
         "estimates themselves state. Inner: half the width of the central 68.3 % of the estimates, which a few "
-        "outliers do not move. SI units.",
-        "",
+        "outliers do not move. SI units."
+    )
+    part = "" if len(results) == len(PROCEDURES) else f" --procedures {len(results)}"
+    text = "\n".join([
+        *header("Predicted and actual spread", __doc__, command + part, note),
         f"Of {len(counted)} standard deviations with the verdict 'identifiable', {good} are within "
         f"{100 * WITHIN:.0f} % of the actual ones.",
         "",
@@ -285,7 +280,7 @@ def main() -> None:
         ),
         *lines,
         "",
-        f"Python {platform.python_version()}, {libraries}.",
+        versions(),
         "",
     ])  # fmt: skip
     arguments.out.mkdir(parents=True, exist_ok=True)

@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"mofit: {error}".rstrip() + " See mofit --help.")
         return UNUSABLE
     except KeyboardInterrupt:
-        say("mofit: interrupted; nothing is damaged. The same command with --resume goes on.")
+        say("mofit: interrupted; nothing is damaged. identify goes on with --resume, batch when called again.")
         return INTERRUPTED
     except BrokenPipeError:
         return DONE

@@ -99,14 +99,14 @@ class Runner:
         other._switches = [self._switches[i] for i in index]
         return other
 
-    def renamed(self, drives: Sequence[Drive]) -> Runner:
+    def with_drives(self, drives: Sequence[Drive]) -> Runner:
         """The same with other drives whose inputs are those of the former as far as they go."""
         other = copy.copy(self)
         other.drives = tuple(drives)
         other._switches = [_until(own, drive) for own, drive in zip(self._switches, drives, strict=True)]
         return other
 
-    def with_drives(self, drives: Sequence[Drive]) -> Runner:
+    def on_tests(self, drives: Sequence[Drive]) -> Runner:
         """The same on other tests; compiled code is shared, tables are not."""
         other = copy.copy(self)
         other.drives = tuple(drives)

@@ -99,8 +99,8 @@ class Simulator:
         """
         other = copy.copy(self)
         other.drives = tuple(drives)
-        other._runner = self._runner.renamed(other.drives)
-        other._stepping = self._stepping.renamed(self.drives, other.drives)
+        other._runner = self._runner.with_drives(other.drives)
+        other._stepping = self._stepping.with_drives(self.drives, other.drives)
         return other
 
     def on_tests(self, drives: Sequence[Drive], steps: int) -> Simulator:
@@ -108,13 +108,13 @@ class Simulator:
         raise_errors(fault for drive in drives for fault in drive.faults(self.system))
         other = self.with_steps(steps)
         other.drives = tuple(drives)
-        other._runner = self._runner.with_drives(drives)
+        other._runner = self._runner.on_tests(drives)
         return other
 
     def without_tables(self) -> Simulator:
         """The same with the memory given back that speeds up the next call."""
         other = copy.copy(self)
-        other._runner = self._runner.with_drives(self.drives)
+        other._runner = self._runner.on_tests(self.drives)
         return other
 
     @property

@@ -71,7 +71,7 @@ class Stepping:
         """The fixed number of steps; None if they are chosen."""
         return self._fixed
 
-    def renamed(self, drives: Sequence[Drive], others: Sequence[Drive]) -> Stepping:
+    def with_drives(self, drives: Sequence[Drive], others: Sequence[Drive]) -> Stepping:
         """The same for other drives that are integrated like these."""
         other = copy.copy(self)
         other._drives = self._drives | {new: self._drives[old] for old, new in zip(drives, others, strict=True)}

@@ -35,6 +35,20 @@ def test_code_is_kept_and_used(place):
     assert kept.stat().st_mtime_ns == before
 
 
+def test_another_graph_has_a_file_of_its_own(place):
+    assert twice(1.5) == 3.0
+    thrice = TWICE.replace("fadd double %x, %x", "fmul double %x, 3.0")
+    code = compile_entry("thrice", lambda: thrice, (), SIGNATURE)
+    assert code.entry(1.5) == 4.5
+    assert len(list(place.iterdir())) == 2
+
+
+def test_a_kept_module_is_not_written_again(place):
+    assert twice(1.5) == 3.0
+    code = compile_entry("twice", lambda: pytest.fail("written again"), (), SIGNATURE)
+    assert code.entry(2.0) == 4.0
+
+
 @pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:-1] + bytes([b[-1] ^ 1])])
 def test_a_damaged_file_is_replaced(place, damage):
     twice(1.0)
