@@ -13,6 +13,7 @@ from mofit.campaign import Campaign
 from mofit.diagnosis.agreement import Agreement, agreements
 from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
 from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
+from mofit.diagnosis.estimate import counting_remainder
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
 from mofit.diagnosis.observed import Observed, with_discrepancy
@@ -39,6 +40,8 @@ class Diagnosis:
         Verdict, sentence, effects, group.
     attribution
         Every candidate and every explanation that was tried.
+    estimate
+        The best explanation with the parameters that are told; see `mofit.diagnosis.estimate`.
     before, after
         The gap located, without effects and with the best explanation.
     agreements
@@ -57,6 +60,7 @@ class Diagnosis:
 
     conclusion: Conclusion
     attribution: Attribution
+    estimate: Fitted
     before: Where
     after: Where
     agreements: tuple[Agreement, ...]
@@ -113,17 +117,20 @@ def diagnose(
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
         again = case.singly(thresholds.roughly)
         if not again.leads(thresholds.coarse_lead):
-            rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
+            rough = with_discrepancy(observed, thresholds.resolution * case.before.relative)
             here = case.found.baseline.minimum.point
             again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
         case = again if again.leads(thresholds.coarse_lead) else case
-    found, conclusion = case.found, case.conclusion
+    found, conclusion, estimate = case.found, case.conclusion, case.found.best.fitted
+    if found.best_left.p < thresholds.left:
+        estimate, conclusion = counting_remainder(found, case.after, conclusion)
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
     shrinkage = None if reason else shrink(found, case.candidates, settings.seed)
     return Diagnosis(
         conclusion=conclusion,
         attribution=found,
+        estimate=estimate,
         before=case.before,
         after=case.after,
         agreements=tuple(agreements(found.baseline)),
@@ -131,7 +138,7 @@ def diagnose(
         shrinkage_reason=reason,
         next_test=next_test(observed, conclusion.alike),
         nrmsd_before=nrmsd(found.baseline),
-        nrmsd_after=nrmsd(found.best.fitted),
+        nrmsd_after=nrmsd(estimate),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out=left_out,
         seconds=time.process_time() - began,
@@ -171,15 +178,6 @@ class _Case:
         }
         best = left.pop(self.found.best.effects, np.inf)
         return self.conclusion.verdict == "effect" and factor * best < min(left.values(), default=np.inf)
-
-    @property
-    def relative_gap(self) -> float:
-        """Root mean square of the gap relative to the output's range, over all tests."""
-        # a range is about two peaks
-        squares = [
-            max(square, 0.0) / (2 * self.before.peaks[test]) ** 2 for test, square in self.before.squares.items()
-        ]
-        return float(np.sqrt(np.mean(squares)))
 
 
 def _investigate(

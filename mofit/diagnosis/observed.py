@@ -94,19 +94,22 @@ class Observed:
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
 
 
-def with_discrepancy(observed: Observed, relative: float) -> Observed:
+def with_discrepancy(observed: Observed, relative: float, *, everywhere: bool = False) -> Observed:
     """The same tests with an unknown gap, relative to each output's range, counted as noise.
 
     It lies on the constant, all harmonics and the slow lines of a test that repeats, else on the excited lines.
+    ``everywhere``: as strong as if it were on the harmonics alone, but counted on all lines.
     """
+    classes = ("dc", "odd", "even", "excited", *(() if everywhere else ("slow",)))
     parts, measured = [], []
     for i, (test, output, w) in enumerate(observed.parts):
         drive, here = observed.problem.drives[test], observed.part == i
         values = drive.measured[:, output]
         size = relative * float(np.ptp(values[w.start : w.start + w.count]))
         likely = np.zeros(len(w.frequencies), dtype=bool)
-        likely[observed.line[here & observed.of("dc", "odd", "even", "slow", "excited")]] = True
-        parts.append((test, output, w.with_discrepancy(size**2, likely, w.harmonic)))
+        likely[observed.line[here & observed.of(*classes)]] = True
+        more = np.full(len(likely), True) if everywhere else w.harmonic
+        parts.append((test, output, w.with_discrepancy(size**2, likely, more)))
         measured.append(parts[-1][2].rows(values[:, None])[:, 0])
     return replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
 
