@@ -113,17 +113,19 @@ def diagnose(
     settings, thresholds = settings or Settings(), thresholds or Thresholds()
     observed, start = pose(model, campaign, settings, tests, workshop)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    case = _investigate(observed, start, chosen, settings, thresholds, progress)
+    case, ignored = _investigate(observed, start, chosen, settings, thresholds, progress), 0.0
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
         again = case.singly(thresholds.roughly)
         if not again.leads(thresholds.coarse_lead):
-            rough = with_discrepancy(observed, thresholds.resolution * case.before.relative)
+            ignored = thresholds.resolution * case.before.relative
+            rough = with_discrepancy(observed, ignored)
             here = case.found.baseline.minimum.point
             again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
-        case = again if again.leads(thresholds.coarse_lead) else case
+        case, ignored = (again, ignored) if again.leads(thresholds.coarse_lead) else (case, 0.0)
     found, conclusion, estimate = case.found, case.conclusion, case.found.best.fitted
-    if found.best_left.p < thresholds.left:
-        estimate, conclusion = counting_remainder(found, case.after, conclusion)
+    if ignored > 0 or found.best_left.p < thresholds.left:
+        remainder = float(np.hypot(ignored, case.after.relative))
+        estimate, conclusion = counting_remainder(observed, remainder, found, conclusion)
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
     shrinkage = None if reason else shrink(found, case.candidates, settings.seed)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mofit.diagnosis.baseline import Fitted, fit
-from mofit.diagnosis.locate import Where
-from mofit.diagnosis.observed import with_discrepancy
+from mofit.diagnosis.observed import Observed, with_discrepancy
 from mofit.diagnosis.several import Attribution
 from mofit.diagnosis.verdict import Conclusion, named
 
 
-def counting_remainder(found: Attribution, after: Where, conclusion: Conclusion) -> tuple[Fitted, Conclusion]:
+def counting_remainder(
+    observed: Observed, remainder: float, found: Attribution, conclusion: Conclusion
+) -> tuple[Fitted, Conclusion]:
     r"""The best explanation and the effects named, fitted anew with the remainder counted as noise.
 
     Weighed by the noise alone, the lines with the least noise decide, though what an explanation misses is no smaller
@@ -21,17 +22,19 @@ def counting_remainder(found: Attribution, after: Where, conclusion: Conclusion)
 
     Parameters
     ----------
-    found, after
-        What was tried, and where the best explanation leaves a gap.
-    conclusion
-        Drawn with the weights of the noise, which tests need.
+    observed
+        The tests with their own noise.
+    remainder
+        Root mean square of what is left, relative to the output's range.
+    found, conclusion
+        What was tried and concluded, with the weights that tests of hypotheses need.
 
     Returns
     -------
     Fitted, Conclusion
         The best explanation; the conclusion with sizes and intervals from such fits.
     """
-    noisy = with_discrepancy(found.baseline.hypothesis.observed, after.relative, everywhere=True)
+    noisy = with_discrepancy(observed, remainder, everywhere=True)
 
     def again(fitted: Fitted) -> Fitted:
         here = fitted.minimum.point[None]

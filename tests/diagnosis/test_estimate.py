@@ -45,7 +45,7 @@ def test_estimates_are_as_far_off_as_they_say() -> None:
         observed, start = pose(find_model("kelvin_voigt_damper"), disturbed(seed), Settings(jobs=1), workshop=WORKSHOP)
         baseline = fit_baseline(observed, start, 0)
         found, left = attribute(baseline, [], Thresholds()), locate(baseline)
-        best, _ = counting_remainder(found, left, conclude(found, left, left, Thresholds()))
+        best, _ = counting_remainder(observed, left.relative, found, conclude(found, left, left, Thresholds()))
         by_noise.append(errors(baseline))
         told.append(errors(best))
     # 24 normal deviates: root mean square 1, give or take 0.15
