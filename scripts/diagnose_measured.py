@@ -85,10 +85,11 @@ def emps(data: Path, seed: int) -> list[str]:
     again = diagnose(campaign, named, (), settings, tests=("trajectory",))
     lines += ["With what was named as part of the model:", "", *told(again)]
     lines += ["| parameter | without | with the named effect | 90 % interval | SOURCE.txt |", "|---|---|---|---|---|"]
-    values, space = found.estimate.values, found.estimate.hypothesis.space
-    spread = 1.645 * found.estimate.sd() * space.slope(space.from_unit(found.estimate.minimum.point))
+    without, best = found.attribution.baseline, found.attribution.best.fitted
+    values, space = best.values, best.hypothesis.space
+    spread = 1.645 * best.sd() * space.slope(space.from_unit(best.minimum.point))
     for name, known in EMPS.items():
-        cells = [_beside(fitted.values, name, known) for fitted in (found.attribution.baseline, found.estimate)]
+        cells = [_beside(fitted.values, name, known) for fitted in (without, best)]
         reach = spread[space.index(name)]
         cells.append(f"{values[name] - reach:.4g} to {values[name] + reach:.4g}")
         lines.append(f"| {name} | {' | '.join(cells)} | {known:g} |")
@@ -132,7 +133,7 @@ def silverbox(data: Path, seed: int) -> list[str]:
     linear = find_model("oscillator")
     found = diagnose(campaign, linear, (), Settings(seed=seed, jobs=1), tests=multisines)
     lines = ["## Silverbox", "", *told(found), "| model | error on the arrow, mV rms |", "|---|---|"]
-    for fitted in (found.attribution.baseline, found.estimate):
+    for fitted in (found.attribution.baseline, found.attribution.best.fitted):
         effects = fitted.hypothesis.effects
         problem = build_problem(with_effects(linear, *effects), campaign.select(["arrow"]))
         point = problem.space.to_unit([fitted.values[name] for name in problem.space.names])
@@ -173,7 +174,7 @@ def dma(data: Path, seed: int) -> list[str]:
         found = diagnose(campaign, model, (), settings, workshop=workshop)
         needed = bool(RELAXATION & set(found.attribution.best.effects)) and found.conclusion.verdict != "unknown"
         called += needed
-        values, tan, degrees = found.estimate.values, loss / storage, round(float(celsius.mean()))
+        values, tan, degrees = found.attribution.best.fitted.values, loss / storage, round(float(celsius.mean()))
         times = [values["d_M"] / values["c_M"], *(values[name] for name in ("tau_2", "tau_R") if name in values)]
         cells = (
             degrees,

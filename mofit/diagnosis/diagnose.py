@@ -13,7 +13,7 @@ from mofit.campaign import Campaign
 from mofit.diagnosis.agreement import Agreement, agreements
 from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
 from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
-from mofit.diagnosis.estimate import counting_remainder
+from mofit.diagnosis.estimate import counting_remainder, scaled, share_left
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
 from mofit.diagnosis.observed import Observed, with_discrepancy
@@ -39,9 +39,7 @@ class Diagnosis:
     conclusion
         Verdict, sentence, effects, group.
     attribution
-        Every candidate and every explanation that was tried.
-    estimate
-        The best explanation with the parameters that are told; see `mofit.diagnosis.estimate`.
+        Every candidate and every explanation that was tried, with the fits of `mofit.diagnosis.estimate`.
     before, after
         The gap located, without effects and with the best explanation.
     agreements
@@ -60,7 +58,6 @@ class Diagnosis:
 
     conclusion: Conclusion
     attribution: Attribution
-    estimate: Fitted
     before: Where
     after: Where
     agreements: tuple[Agreement, ...]
@@ -122,25 +119,26 @@ def diagnose(
             here = case.found.baseline.minimum.point
             again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
         case, ignored = (again, ignored) if again.leads(thresholds.coarse_lead) else (case, 0.0)
-    found, conclusion, estimate = case.found, case.conclusion, case.found.best.fitted
+    found, conclusion, candidates = case.found, case.conclusion, case.candidates
     if ignored > 0 or found.best_left.p < thresholds.left:
         remainder = float(np.hypot(ignored, case.after.relative))
-        estimate, conclusion = counting_remainder(observed, remainder, found, conclusion)
+        found = counting_remainder(observed, remainder, found, conclusion.alike)
+        conclusion = conclude(found, case.before, case.after, case.thresholds, share_left(found))
+        candidates = scaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
-    shrinkage = None if reason else shrink(found, case.candidates, settings.seed)
+    shrinkage = None if reason else shrink(found, candidates, settings.seed)
     return Diagnosis(
         conclusion=conclusion,
         attribution=found,
-        estimate=estimate,
         before=case.before,
         after=case.after,
-        agreements=tuple(agreements(found.baseline)),
+        agreements=tuple(agreements(case.found.baseline)),
         shrinkage=shrinkage,
         shrinkage_reason=reason,
-        next_test=next_test(observed, conclusion.alike),
+        next_test=next_test(observed, case.conclusion.alike),
         nrmsd_before=nrmsd(found.baseline),
-        nrmsd_after=nrmsd(estimate),
+        nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out=left_out,
         seconds=time.process_time() - began,
@@ -151,6 +149,7 @@ def diagnose(
 class _Case:
     """One pass through screen, refits and conclusion."""
 
+    thresholds: Thresholds
     candidates: Sequence[Candidate]
     found: Attribution
     before: Where
@@ -169,7 +168,7 @@ class _Case:
         found = replace(self.found, explanations=single, best_left=remaining(single[0].fitted))
         after = locate(single[0].fitted)
         conclusion = conclude(found, self.before, after, thresholds)
-        return replace(self, found=found, after=after, conclusion=conclusion)
+        return replace(self, thresholds=thresholds, found=found, after=after, conclusion=conclusion)
 
     def leads(self, factor: float) -> bool:
         """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""
@@ -198,7 +197,7 @@ def _investigate(
         candidates.append(prepare(baseline, effect))
     found = attribute(baseline, candidates, thresholds, progress)
     before, after = locate(baseline), locate(found.best.fitted)
-    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds))
+    return _Case(thresholds, candidates, found, before, after, conclude(found, before, after, thresholds))
 
 
 def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:

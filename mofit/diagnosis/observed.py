@@ -40,6 +40,8 @@ class Observed:
         Of the excitation's fundamental over the samples used, rad, per part; 0 where it does not repeat.
     calibrations
         The stages before, whose estimates the prior is made of.
+    genuine
+        Share of every row's variance that is noise, not a gap counted as such, (m,).
     workshop
         Compiles models.
     """
@@ -52,6 +54,7 @@ class Observed:
     kind: NDArray[np.int64]
     phase: Array
     calibrations: tuple[Calibration, ...] = ()
+    genuine: Array | float = 1.0
     workshop: Workshop = field(default_factory=Workshop)
 
     @cached_property
@@ -111,7 +114,8 @@ def with_discrepancy(observed: Observed, relative: float, *, everywhere: bool = 
         more = np.full(len(likely), True) if everywhere else w.harmonic
         parts.append((test, output, w.with_discrepancy(size**2, likely, more)))
         measured.append(parts[-1][2].rows(values[:, None])[:, 0])
-    return replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
+    counted = replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
+    return replace(counted, genuine=observed.genuine * observed.variance / counted.variance)
 
 
 def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None) -> Observed:
@@ -147,5 +151,5 @@ def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop
         np.concatenate([own[lines] for own, lines in zip(kind, line, strict=True)]),
         np.array(phase),
         tuple(calibrations),
-        workshop or Workshop(),
+        workshop=workshop or Workshop(),
     )

@@ -49,7 +49,7 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
             name: {
                 "unit": parameter.unit,
                 "before": found.baseline.values[name],
-                "after": diagnosis.estimate.values[name],
+                "after": found.best.fitted.values[name],
                 "sd": float(sd),
                 "at_bound": bool(bound),
             }
@@ -77,7 +77,7 @@ def _series(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
     observed = found.baseline.hypothesis.observed
     stored = [
         fitted.hypothesis.simulator.sensitivities(fitted.hypothesis.full(fitted.minimum.point[None]))
-        for fitted in (found.baseline, diagnosis.estimate)
+        for fitted in (found.baseline, found.best.fitted)
     ]
     driver = next(
         c for c in observed.problem.model.inputs if (c.derivative_of or c.name) == first_input(observed.problem.model)
