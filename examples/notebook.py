@@ -15,7 +15,7 @@ tree = mofit.open("runs/zener")
 tree["clusters/c1"]
 
 # %% ArviZ reads each solution
-arviz_stats.summary(tree["clusters/c1"])
+arviz_stats.summary(tree["clusters/c1"], round_to="none")
 
 # %% Every plot draws into the axes it is given, and returns them
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
