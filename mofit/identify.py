@@ -281,10 +281,14 @@ def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Se
         return None
     reference = find_model(model.baseline)
     names = {parameter.name for parameter in reference.parameters}
+    stages = () if settings.joint else reference.stages
+    staged = {parameter.name for stage in stages for parameter in find_model(stage.model).parameters}
+    # values held for the model are held for the baseline too, unless that leaves nothing of it to search
+    held = settings.fixed if names - staged - set(settings.fixed) else {}
     own = replace(
         settings,
         bounds={name: value for name, value in settings.bounds.items() if name in names},
-        fixed={name: value for name, value in settings.fixed.items() if name in names},
+        fixed={name: value for name, value in held.items() if name in names},
     )
     space = free_space(reference, own)
     calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs)

@@ -20,7 +20,7 @@ PACKAGE = ROOT / "mofit"
 FLOORS = {
     **dict.fromkeys(("bundled", "errors", "labels", "parameters", "journal", "progress", "toml_file", "units"), 1),
     **dict.fromkeys(
-        ("campaign", "campaign_file", "check", "readers", "report", "result", "run", "signals", "validity"), 2
+        ("campaign", "campaign_file", "check", "plots", "readers", "report", "result", "run", "signals", "validity"), 2
     ),
     **dict.fromkeys(("kernel", "model"), 3),
     **dict.fromkeys(("drives", "few_steps", "joint", "library", "objectives", "one_period", "problem"), 4),

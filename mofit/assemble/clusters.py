@@ -12,7 +12,7 @@ from mofit.assemble.signals import predictions, predictive
 from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
-from mofit.result import quantity
+from mofit.result import OWN_UNIT, axis, parameter_axis, quantity
 from mofit.sample import laplace_covariance, r_hat
 from mofit.verdict import contraction, verdict
 
@@ -53,19 +53,19 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     covariance = laplace_covariance(minimum.hessian)
     scale = np.sqrt(np.diag(covariance))
     per_parameter = {
-        "value": (space.from_unit(minimum.point), "as unit", "refined minimum"),
+        "value": (space.from_unit(minimum.point), OWN_UNIT, "refined minimum"),
         "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
-        "laplace_sd": (laplace_sd(problem, minimum), "as unit", "standard deviation (Laplace)"),
+        "laplace_sd": (laplace_sd(problem, minimum), OWN_UNIT, "standard deviation (Laplace)"),
         "noise_sd": (
             np.sqrt(np.diag(laplace_covariance(mode.noise_hessian))) * space.slope(space.from_unit(minimum.point)),
-            "as unit",
+            OWN_UNIT,
             "standard deviation if the model were right: noise alone, no gap (Laplace)",
         ),
-        "mean": (values.mean(axis=0), "as unit", "posterior mean"),
-        "sd": (values.std(axis=0), "as unit", "posterior standard deviation"),
-        "q05": (np.quantile(values, 0.05, axis=0), "as unit", "5 % quantile"),
-        "q50": (np.quantile(values, 0.50, axis=0), "as unit", "median"),
-        "q95": (np.quantile(values, 0.95, axis=0), "as unit", "95 % quantile"),
+        "mean": (values.mean(axis=0), OWN_UNIT, "posterior mean"),
+        "sd": (values.std(axis=0), OWN_UNIT, "posterior standard deviation"),
+        "q05": (np.quantile(values, 0.05, axis=0), OWN_UNIT, "5 % quantile"),
+        "q50": (np.quantile(values, 0.50, axis=0), OWN_UNIT, "median"),
+        "q95": (np.quantile(values, 0.95, axis=0), OWN_UNIT, "95 % quantile"),
         "ess": (chains.ess, "1", "effective sample size"),
         # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
         "r_hat": (r_hat(space.from_unit(draws)), "1", "split R-hat between ensembles"),
@@ -88,9 +88,9 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     return xr.Dataset(
         variables,
         {
-            "parameter": ("parameter", list(space.names)),
-            "parameter_": ("parameter_", list(space.names)),
-            "test": ("test", list(problem.tests)),
+            **parameter_axis(space.names, space.units),
+            "parameter_": axis("parameter_", list(space.names)),
+            "test": axis("test", list(problem.tests)),
         },
         {
             "log_evidence": mode.evidence.log_evidence,
@@ -144,5 +144,5 @@ def _log_likelihood(problem: Problem, minimum: Array, draws: Array) -> xr.Datase
     )
 
 
-def _axes(draws: Array) -> dict[str, tuple[str, list[int]]]:
-    return {"chain": ("chain", list(range(draws.shape[0]))), "draw": ("draw", list(range(draws.shape[1])))}
+def _axes(draws: Array) -> dict[str, xr.Variable]:
+    return {"chain": axis("chain", range(draws.shape[0])), "draw": axis("draw", range(draws.shape[1]))}
