@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.campaign import Campaign
 from mofit.errors import InputError
@@ -18,6 +17,7 @@ from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, build_problem
 from mofit.refine import merge, refine
 from mofit.sample import laplace_covariance
+from mofit.sobol import sobol
 from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
@@ -108,8 +108,8 @@ def calibrate(
 
 def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
     """Least squares from many starts, then once more with the independent residuals counted."""
-    sobol = qmc.Sobol(len(problem.space), scramble=True, rng=np.random.default_rng(seed))
-    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], sobol.random(STARTS)])
+    scattered = sobol(len(problem.space), seed).random(STARTS)
+    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], scattered])
     minima = merge(refine(problem.evaluate, starts))
     if not minima:
         raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")

@@ -19,6 +19,7 @@ PACKAGE = ROOT / "mofit"
 #: floor of every part (module or package directly below mofit/), lowest first
 FLOORS = {
     **dict.fromkeys(("bundled", "errors", "labels", "parameters", "journal", "progress", "toml_file", "units"), 1),
+    "sobol": 1,
     **dict.fromkeys(
         ("campaign", "campaign_file", "check", "readers", "report", "result", "run", "signals", "validity"), 2
     ),
