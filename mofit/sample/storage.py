@@ -7,13 +7,13 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-import emcee
 import h5py
 import numpy as np
 
 from mofit.errors import InputError
 from mofit.parameters import Array
 from mofit.sample.ensemble import Ensemble
+from mofit.sample.lean_emcee import emcee
 from mofit.sample.run import Run
 from mofit.sample.student import Students
 
