@@ -54,15 +54,18 @@ class Probing:
     def stiffness(self, p: Array) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""
         everything = Choice((Rung(RODAS4, 2),), np.zeros(len(p), dtype=np.intp))
-        visited = self.runner.stored(p, [everything] * len(self.drives), derivatives=False)
+        visited = [
+            values[..., self.outputs :, 0]
+            for values in self.runner.stored(p, [everything] * len(self.drives), derivatives=False)
+        ]
+        usual = [_usual(states) for states in visited[:_PROBES]]
         rng = np.random.default_rng(0)
         columns = []
-        for probe in range(_PROBES):
-            drive, states = self.drives[probe % len(self.drives)], visited[probe % len(self.drives)][..., 0]
-            usual = _usual(states[..., self.outputs :])
-            if len(usual):
-                row, sample = rng.choice(usual), rng.integers(drive.samples)
-                columns.append((states[row, sample, self.outputs :], drive.inputs[sample], drive.conditions))
+        for test in (probe % len(self.drives) for probe in range(_PROBES)):
+            if len(usual[test]):
+                drive = self.drives[test]
+                row, sample = rng.choice(usual[test]), rng.integers(drive.samples)
+                columns.append((visited[test][row, sample], drive.inputs[sample], drive.conditions))
         columns = columns or [(np.zeros(len(self.system.states)), self.drives[0].inputs[0], self.drives[0].conditions)]
         x, u, c = (np.stack(parts, axis=1).astype(float) for parts in zip(*columns, strict=True))
         return Stiffness(self.system, x, u, c)
