@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,10 @@ class Calibration:
         spread = np.sqrt(np.diag(laplace_covariance(self.hessian)))
         return dict(zip(space.names, map(float, spread * space.slope(space.from_unit(self.minimum))), strict=True))
 
+    def knew(self, values: Mapping[str, float]) -> bool:
+        """Whether the fit held parameters at these values."""
+        return all(self.problem.fixed.get(name) == value for name, value in values.items())
+
     def prior(self, space: ParameterSpace) -> GaussianPrior:
         """What the stage knows, in the unit coordinates of another space that has its parameters."""
         own = self.problem.space
@@ -58,7 +62,13 @@ class Calibration:
 
 
 def calibrate(
-    model: Model, campaign: Campaign, space: ParameterSpace, *, seed: int, jobs: int
+    model: Model,
+    campaign: Campaign,
+    space: ParameterSpace,
+    *,
+    seed: int,
+    jobs: int,
+    done: Sequence[Calibration] = (),
 ) -> tuple[list[Calibration], list[str]]:
     """Fit every stage of a model that the campaign has tests for.
 
@@ -72,6 +82,8 @@ def calibrate(
         The main model's parameters: their bounds hold for the stages as well.
     seed, jobs
         Seed of the starts; threads.
+    done
+        Stages fitted to this campaign before, for another model; those that are the same are not fitted again.
 
     Returns
     -------
@@ -94,6 +106,10 @@ def calibrate(
             continue
         known = {name: value for calibration in found for name, value in calibration.values.items()}
         free = [p.name for p in stage_model.parameters if p.name in space.names and p.name not in known]
+        same = [c for c in done if c.stage == stage and c.problem.space == space.subset(free) and c.knew(known)]
+        if same:
+            found.append(same[0])
+            continue
         problem = build_problem(
             stage_model,
             campaign.select(tests),

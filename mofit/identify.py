@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from mofit.assemble import assemble
-from mofit.calibration import calibrate, calibrated_values
+from mofit.calibration import Calibration, calibrate, calibrated_values
 from mofit.campaign import Campaign
 from mofit.errors import InputError
 from mofit.joint import JointProblem
@@ -125,7 +125,7 @@ def identify(
         values = dict(zip(problem.space.names, problem.space.from_unit(minima[0].point), strict=True))
         per_test = _per_test(dynamic.with_fixed(values), _starts(found), progress)
     with clock.measure("baseline"):
-        baseline = _baseline(model, campaign, selected, settings)
+        baseline = _baseline(model, campaign, selected, settings, calibrations)
     with folder.at_work(configuration) as unfinished:
         journal.write_to(unfinished / "run.log")
         with clock.measure("sample"):
@@ -275,7 +275,9 @@ def _per_test(dynamic: Problem, starts: Array, progress: Progress) -> dict[str, 
     return fits
 
 
-def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Settings) -> Fit | None:
+def _baseline(
+    model: Model, campaign: Campaign, selected: Campaign, settings: Settings, done: Sequence[Calibration]
+) -> Fit | None:
     """The model that this one is compared with, identified in the same way."""
     if model.baseline is None:
         return None
@@ -287,6 +289,6 @@ def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Se
         fixed={name: value for name, value in settings.fixed.items() if name in names},
     )
     space = free_space(reference, own)
-    calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs)
+    calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
     problem = dynamic_problem(reference, selected, space, calibrations, own)
     return Fit(*_refine(problem, _starts(search(problem, own))))
