@@ -26,7 +26,7 @@ from mofit.problem import Problem
 from mofit.profiles import profile
 from mofit.progress import Progress, silent
 from mofit.refine import Minimum, RefineSettings, merge, refine
-from mofit.report import write_report
+from mofit.report_beside import report_beside
 from mofit.result import write_result
 from mofit.run import plan_folder
 from mofit.sample import (
@@ -108,50 +108,51 @@ def identify(
     }
     folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
 
-    with clock.measure("calibrate"):
-        progress("calibrate", 0, 1, "steady state and spring" if model.stages else "")
-        calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
-    with clock.measure("prepare"):
-        selected = campaign.select(chosen)
-        dynamic = dynamic_problem(model, selected, space, calibrations, settings)
-        problem = main_problem(model, selected, space, calibrations, settings)
-    with clock.measure("search"):
-        found = search(dynamic, settings, partial(_relay, progress, "search"))
-    with clock.measure("refine"):
-        progress("refine", 0, 1, "")
-        dynamic, rough = _refine(dynamic, _starts(found))
-        problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
-    with clock.measure("per_frequency"):
-        values = dict(zip(problem.space.names, problem.space.from_unit(minima[0].point), strict=True))
-        per_test = _per_test(dynamic.with_fixed(values), _starts(found), progress)
-    with clock.measure("baseline"):
-        baseline = _baseline(model, campaign, selected, settings, calibrations)
-    with folder.at_work(configuration) as unfinished:
-        journal.write_to(unfinished / "run.log")
-        with clock.measure("sample"):
-            modes = _sample(problem, minima, settings, unfinished / "chains.h5", progress)
-        outcome = Outcome(
-            campaign=campaign,
-            configuration=configuration,
-            calibrations=tuple(calibrations),
-            problem=problem.main if isinstance(problem, JointProblem) else problem,
-            dynamic=dynamic,
-            search=found,
-            weights=search_weights(dynamic, settings),
-            minima=minima,
-            modes=modes,
-            baseline=baseline,
-            per_test=per_test,
-            seconds=clock.seconds,
-            warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
-        )
-        progress("write", 0, 1, "result and report")
-        tree = assemble(outcome)
-        write_result(tree, unfinished)
-        write_report(tree, unfinished)
-        for warning in outcome.warnings:
-            journal.note(f"warning: {warning}")
-        journal.note("converged" if outcome.converged else "NOT converged")
+    with report_beside() as drawn:
+        with clock.measure("calibrate"):
+            progress("calibrate", 0, 1, "steady state and spring" if model.stages else "")
+            calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
+        with clock.measure("prepare"):
+            selected = campaign.select(chosen)
+            dynamic = dynamic_problem(model, selected, space, calibrations, settings)
+            problem = main_problem(model, selected, space, calibrations, settings)
+        with clock.measure("search"):
+            found = search(dynamic, settings, partial(_relay, progress, "search"))
+        with clock.measure("refine"):
+            progress("refine", 0, 1, "")
+            dynamic, rough = _refine(dynamic, _starts(found))
+            problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
+        with clock.measure("per_frequency"):
+            values = dict(zip(problem.space.names, problem.space.from_unit(minima[0].point), strict=True))
+            per_test = _per_test(dynamic.with_fixed(values), _starts(found), progress)
+        with clock.measure("baseline"):
+            baseline = _baseline(model, campaign, selected, settings, calibrations)
+        with folder.at_work(configuration) as unfinished:
+            journal.write_to(unfinished / "run.log")
+            with clock.measure("sample"):
+                modes = _sample(problem, minima, settings, unfinished / "chains.h5", progress)
+            outcome = Outcome(
+                campaign=campaign,
+                configuration=configuration,
+                calibrations=tuple(calibrations),
+                problem=problem.main if isinstance(problem, JointProblem) else problem,
+                dynamic=dynamic,
+                search=found,
+                weights=search_weights(dynamic, settings),
+                minima=minima,
+                modes=modes,
+                baseline=baseline,
+                per_test=per_test,
+                seconds=clock.seconds,
+                warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
+            )
+            progress("write", 0, 1, "result and report")
+            tree = assemble(outcome)
+            with drawn(tree, unfinished):
+                write_result(tree, unfinished)
+            for warning in outcome.warnings:
+                journal.note(f"warning: {warning}")
+            journal.note("converged" if outcome.converged else "NOT converged")
     return folder.target, tree
 
 

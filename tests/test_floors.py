@@ -19,6 +19,7 @@ PACKAGE = ROOT / "mofit"
 #: floor of every part (module or package directly below mofit/), lowest first
 FLOORS = {
     **dict.fromkeys(("bundled", "errors", "labels", "parameters", "journal", "progress", "toml_file", "units"), 1),
+    "forking": 1,
     "sobol": 1,
     **dict.fromkeys(
         ("campaign", "campaign_file", "check", "readers", "report", "result", "run", "signals", "validity"), 2
@@ -29,6 +30,7 @@ FLOORS = {
     **dict.fromkeys(("refine", "sample", "search"), 5),
     **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
     "searching": 6,
+    "report_beside": 6,
     **dict.fromkeys(("diagnosis", "export", "identifiability", "identify", "profiles", "simulate"), 6),
     **dict.fromkeys(("batch", "cli", "job", "options", "terminal"), 7),
     "__main__": 8,
@@ -43,7 +45,7 @@ BARRED = {
 }
 
 #: the only parts of mofit that these may import
-ONLY = {"report": {"errors", "labels", "result"}}
+ONLY = {"report": {"errors", "forking", "labels", "result"}}
 
 #: files of 300 lines or more -> why they hold one idea nevertheless
 LONG_FILES: dict[str, str] = {}
