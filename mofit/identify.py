@@ -250,7 +250,7 @@ def _sample(
         )
         evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
         spread = profile(wide, minimum.point, sd)
-        sampled.append(Mode(name, minimum, narrow.hessian, wide.gap_squares, evidence, 1.0, chains, spread))
+        sampled.append(Mode(name, minimum, narrow.hessian, wide, evidence, 1.0, chains, spread))
     weights = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, weight=float(weight)) for mode, weight in zip(sampled, weights, strict=True))
 

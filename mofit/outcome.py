@@ -16,6 +16,7 @@ from mofit.profiles import Profile
 from mofit.refine import Minimum
 from mofit.sample import Chains, Evidence
 from mofit.search import SearchResult
+from mofit.spread import SpreadProblem
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,8 @@ class Mode:
         With the Hessian that noise and gap ask for.
     noise_hessian
         What it would be for noise alone.
-    gap_squares
-        Mean squared amplitude of the gap on fundamentals and on harmonics, relative to the output's range.
+    sampled
+        What was sampled: the problem with the gap, quick to evaluate around the minimum.
     evidence
         By bridge sampling.
     weight
@@ -45,7 +46,7 @@ class Mode:
     name: str
     minimum: Minimum
     noise_hessian: Array
-    gap_squares: tuple[float, float]
+    sampled: SpreadProblem
     evidence: Evidence
     weight: float
     chains: Chains
