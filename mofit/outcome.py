@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
@@ -81,10 +82,8 @@ class Outcome:
         All refined minima, best first.
     modes
         Those that carry posterior weight, sampled; best first.
-    baseline
-        The comparison model's fit.
-    per_test
-        Minima of each test alone.
+    compared
+        Groups of the result tree that hold what the result is held against, see `mofit.compared`.
     seconds, warnings
         Time per stage, and what a reader must know.
     """
@@ -98,8 +97,7 @@ class Outcome:
     weights: Array
     minima: tuple[Minimum, ...]
     modes: tuple[Mode, ...]
-    baseline: Fit | None
-    per_test: Mapping[str, Fit]
+    compared: Mapping[str, xr.Dataset]
     seconds: Mapping[str, float]
     warnings: tuple[str, ...]
 

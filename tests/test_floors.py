@@ -31,6 +31,7 @@ FLOORS = {
     **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
     "searching": 6,
     "report_beside": 6,
+    **dict.fromkeys(("compared", "refining"), 6),
     **dict.fromkeys(("diagnosis", "export", "identifiability", "identify", "profiles", "simulate"), 6),
     **dict.fromkeys(("batch", "cli", "job", "options", "terminal"), 7),
     "__main__": 8,

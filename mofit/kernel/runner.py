@@ -5,10 +5,11 @@ from __future__ import annotations
 import copy
 import ctypes
 import math
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,12 @@ def _until(switches: tuple[Array, Array], drive: Drive) -> tuple[Array, Array]:
     return before[kept], after[kept]
 
 
+@cache
+def _threads(process: int, jobs: int) -> ThreadPoolExecutor:
+    """So many threads of this process: a forked one has none of its parent's."""
+    return ThreadPoolExecutor(jobs)
+
+
 class Runner:
     """Runs parameter sets through tests, integrated as told.
 
@@ -96,7 +103,6 @@ class Runner:
         # compiled for all tests, and with the tables of these
         self._compiled: dict[tuple[str, bool, bool, bool], Variant] = {}
         self._variants: dict[tuple[str, bool, bool, bool], Variant] = {}
-        self._pool = ThreadPoolExecutor(jobs) if jobs > 1 else None
 
     def select(self, index: Sequence[int]) -> Runner:
         """The same on some of the tests; compiled code and tables are shared."""
@@ -217,11 +223,10 @@ class Runner:
     def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         counter = ctypes.c_int64(0)
         arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
-        if self._pool is None or len(records) == 1:
+        if self.jobs == 1 or len(records) == 1:
             entry(*arguments)
             return
-        threads: list[Future[None]] = [
-            self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))
-        ]
+        pool = _threads(os.getpid(), self.jobs)
+        threads: list[Future[None]] = [pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))]
         for thread in threads:
             thread.result()
