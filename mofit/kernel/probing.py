@@ -54,10 +54,9 @@ class Probing:
     def stiffness(self, p: Array) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""
         everything = Choice((Rung(RODAS4, 2),), np.zeros(len(p), dtype=np.intp))
-        visited = [
-            values[..., self.outputs :, 0]
-            for values in self.runner.stored(p, [everything] * len(self.drives), derivatives=False)
-        ]
+        states = slice(self.outputs, None)
+        stored = self.runner.stored(p, [everything] * len(self.drives), derivatives=False, kept=states)
+        visited = [values[..., 0] for values in stored]
         usual = [_usual(states) for states in visited[:_PROBES]]
         rng = np.random.default_rng(0)
         columns = []
@@ -101,7 +100,8 @@ class Probing:
 
     def _outputs(self, p: Array, rung: Rung, active: NDArray[np.bool_]) -> list[Array]:
         choices = [Choice((rung,), np.where(active[:, t], 0, -1)) for t in range(len(self.drives))]
-        return [values[..., : self.outputs, 0] for values in self.runner.stored(p, choices, derivatives=False)]
+        stored = self.runner.stored(p, choices, derivatives=False, kept=slice(self.outputs))
+        return [values[..., 0] for values in stored]
 
 
 def _usual(states: Array) -> NDArray[np.intp]:

@@ -139,14 +139,15 @@ class Runner:
             result[block.rows, drive] = values[:, : len(block.rows)].T
         return result
 
-    def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[Array]:
-        """Outputs and their derivatives, (N, n, ny, 1 + nf) per test."""
+    def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool, kept: slice = slice(None)) -> list[Array]:
+        """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
         blocks = self._blocks(p, choices, derivatives)
         ny, columns = len(self.system.outputs), 1 + len(self.free) * derivatives
         shapes = [(self.drives[drive].samples, columns, ny, block.lanes) for drive, block in blocks]
-        result = [np.full((len(p), drive.samples, ny, columns), np.nan) for drive in self.drives]
+        count = len(range(ny)[kept])
+        result = [np.full((len(p), drive.samples, count, columns), np.nan) for drive in self.drives]
         for (drive, block), values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=False), strict=True):
-            result[drive][block.rows] = values[..., : len(block.rows)].transpose(3, 0, 2, 1)
+            result[drive][block.rows] = values[:, :, kept, : len(block.rows)].transpose(3, 0, 2, 1)
         return result
 
     def _blocks(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[tuple[int, _Block]]:

@@ -62,6 +62,9 @@ _SECTIONS = (
 )
 """In the order of the page; a section that finds nothing to show returns None."""
 
+_LONGEST = (posterior_section, overlay_section)
+"""More than half of the work."""
+
 _REPORT = _Page(REPORT_FILE, DATA_FOLDER, "", _SECTIONS)
 _UNCERTAINTY = _Page(UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, "Uncertainty: ", UNCERTAINTY_SECTIONS)
 
@@ -122,7 +125,7 @@ def _folder(source: Path | str) -> Path:
 def _write(page: _Page, tree: xr.DataTree, folder: Path, processes: int | None = None) -> Path:
     run = Run(tree)
     with mpl.rc_context(RC):
-        sections = draw_sections(run, page.makers, processes)
+        sections = draw_sections(run, page.makers, processes, _LONGEST)
     _write_data(sections, folder / page.data)
     file = folder / page.file
     with atomic_path(file) as temporary:

@@ -17,13 +17,20 @@ PROCESSES = 2
 _task: tuple[Run, Sequence[Maker]] | None = None
 
 
-def draw_sections(run: Run, makers: Sequence[Maker], processes: int | None = None) -> list[Section]:
-    """The sections that find something to show, in order; the same for any number of processes."""
+def draw_sections(
+    run: Run, makers: Sequence[Maker], processes: int | None = None, longest: Sequence[Maker] = ()
+) -> list[Section]:
+    """The sections that find something to show, in order; the same for any number of processes.
+
+    Those that take longest are begun first, so that processes end together.
+    """
     if processes is None:
         processes = PROCESSES if may_fork() else 1
     if processes > 1:
         with forked(processes, _begin, run, makers) as pool:
-            drawn = list(pool.map(_draw, range(len(makers))))
+            order = sorted(range(len(makers)), key=lambda number: makers[number] not in longest)
+            begun = {number: pool.submit(_draw, number) for number in order}
+            drawn = [begun[number].result() for number in range(len(makers))]
     else:
         drawn = [make(run) for make in makers]
     return [section for section in drawn if section is not None]
