@@ -16,6 +16,9 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+#: By so much a process beside gives way to the one that it works for, whose threads wait for one another.
+_NICE = 10
+
 
 def may_fork() -> bool:
     """Whether the system can, there is more than one core, and this process is nobody's child.
@@ -35,8 +38,9 @@ def forked(processes: int, begin: Callable[..., None], *arguments: Any) -> Itera
     context = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(begin, *arguments)) as pool:
         with warnings.catch_warnings():
-            # Python 3.12 warns of threads that hold locks at a fork; ours sleep, and a child starts its own
+            # Python 3.12 and JAX warn of threads that hold locks at a fork; ours sleep, and a child starts its own
             warnings.filterwarnings("ignore", "This process .* is multi-threaded", DeprecationWarning)
+            warnings.filterwarnings("ignore", r"os\.fork\(\) was called", RuntimeWarning)
             pool.submit(int)  # the first task starts them
         own = set(multiprocessing.active_children()) - others
         try:
@@ -75,6 +79,7 @@ _function: Callable[[], Any] | None = None
 def _remember(function: Callable[[], Any]) -> None:
     global _function
     _function = function
+    os.nice(_NICE)
 
 
 def _compute() -> Any:

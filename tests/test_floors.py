@@ -180,7 +180,7 @@ def test_modules_import_each_other_in_no_circle() -> None:
         ("kernel.step", "if TYPE_CHECKING:\n    from mofit.problem import Problem", "up to floor 4"),
         ("problem", "from mofit import search", "up to floor 5"),
         ("search.swarm", "from mofit.refine import refine", "must not know refine"),
-        ("report.page", "from mofit.campaign import Campaign", "reads only errors, labels, result"),
+        ("report.page", "from mofit.campaign import Campaign", "reads only errors, forking, labels, result"),
         ("campaign", "from mofit import Parameter", "not from the face"),
         ("campaign", "import mofit", "not from the face"),
         ("helpers", "from mofit.errors import Fault", "no floor"),

@@ -224,10 +224,11 @@ class Runner:
     def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         counter = ctypes.c_int64(0)
         arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
-        if self.jobs == 1 or len(records) == 1:
-            entry(*arguments)
-            return
-        pool = _threads(os.getpid(), self.jobs)
-        threads: list[Future[None]] = [pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))]
-        for thread in threads:
-            thread.result()
+        helpers: list[Future[None]] = []
+        if (count := min(self.jobs, len(records)) - 1) > 0:
+            pool = _threads(os.getpid(), self.jobs - 1)
+            helpers = [pool.submit(entry, *arguments) for _ in range(count)]
+        entry(*arguments)
+        for helper in helpers:
+            if not helper.cancel():  # one that has not begun by now finds nothing left to do
+                helper.result()
