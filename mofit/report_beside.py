@@ -6,7 +6,8 @@ What draws is imported there, while the caller computes, and draws while the cal
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ Drawn = Callable[[xr.DataTree, Path], AbstractContextManager[None]]
 
 @contextmanager
 def report_beside() -> Iterator[Drawn]:
-    """Ready to draw a report; where no process can be forked, it is drawn at the end of the block given to `Drawn`."""
+    """Ready to draw a report; where no process can be forked, it is drawn by this one at the end of `Drawn`'s block."""
     if not may_fork():
         yield _drawn_here
         return
@@ -37,11 +38,23 @@ def _drawn_here(tree: xr.DataTree, folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _drawn_there(pool: ProcessPoolExecutor, tree: xr.DataTree, folder: Path) -> Iterator[None]:
-    report = pool.submit(_write, tree, folder, 2)
+    report = _begun(pool, tree, folder)
     try:
         yield
-    finally:
-        report.result()  # also after an error: nothing else may write into the folder then
+    finally:  # also after an error: nothing else may write into the folder then
+        try:
+            report.result()
+        except BrokenProcessPool:  # the process is lost, for want of memory perhaps
+            _write(tree, folder, 1)
+
+
+def _begun(pool: ProcessPoolExecutor, tree: xr.DataTree, folder: Path) -> Future[None]:
+    try:
+        return pool.submit(_write, tree, folder, 2)
+    except BrokenProcessPool as lost:
+        report: Future[None] = Future()
+        report.set_exception(lost)
+        return report
 
 
 def _get_ready() -> None:
