@@ -135,7 +135,8 @@ def main() -> None:
                 runs[name] = told
         loads.append(os.getloadavg()[0])
     command = f"profile_identify.py{' --against CHECKOUT' if options.against else ''} --repeats {options.repeats}"
-    machine = f"{platform.machine()}, {os.cpu_count()} cores, niceness {os.nice(0)}, load {min(loads):.1f} to {max(loads):.1f}"
+    machine = f"{platform.machine()}, {os.cpu_count()} cores, niceness {os.nice(0)}"
+    machine += f", load {min(loads):.1f} to {max(loads):.1f}"
     note = f"Quickest of {options.repeats} runs; {machine} (the measured process counts as about 1)."
     text = [*header("The main job, stage by stage", __doc__, command, note), versions(), "", *table(runs), ""]
     options.out.parent.mkdir(parents=True, exist_ok=True)
