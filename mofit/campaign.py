@@ -107,6 +107,8 @@ class Measurement:
     def under(self, conditions: Mapping[str, float]) -> Measurement:
         """The measurement with these conditions where it has none of its own."""
         own = {**conditions, **self.procedure.conditions}
+        if own == self.procedure.conditions:
+            return self  # the same object: what was found out about it is remembered
         return replace(self, procedure=replace(self.procedure, conditions=own))
 
     def channel(self, name: str) -> Array:

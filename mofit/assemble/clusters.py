@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from mofit.assemble.comparison import laplace_sd
 from mofit.assemble.profiles import profile_group
 from mofit.assemble.signals import predictions, predictive
+from mofit.joint import JointProblem
 from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
@@ -34,7 +35,7 @@ def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
         groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
         groups[f"{path}/profile"] = profile_group(outcome.problem.space, mode.profile)
         groups[f"{path}/sample_stats"] = _sample_stats(mode)
-        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode.minimum.point[None], draws.points)
+        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode, draws.points)
         groups[f"{path}/posterior_predictive"] = predictive(outcome.problem, _few(outcome.problem, draws.points))
     return groups
 
@@ -97,8 +98,8 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
             "log_evidence_error": mode.evidence.error,
             "weight": mode.weight,
             "log_posterior": -minimum.value,
-            "gap_fundamental": float(np.sqrt(mode.gap_squares[0])),
-            "gap_harmonics": float(np.sqrt(mode.gap_squares[1])),
+            "gap_fundamental": float(np.sqrt(mode.sampled.gap_squares[0])),
+            "gap_harmonics": float(np.sqrt(mode.sampled.gap_squares[1])),
             "converged": int(chains.converged),
             "evaluations": int(chains.evaluations),
         },
@@ -129,12 +130,15 @@ def _sample_stats(mode: Mode) -> xr.Dataset:
     )
 
 
-def _log_likelihood(problem: Problem, minimum: Array, draws: Array) -> xr.Dataset:
+def _log_likelihood(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
+    """Of every test; costs are those that were sampled, which differ from the whole ones by a constant per test."""
     chains, count, dimension = draws.shape
-    costs = [
-        problem.objectives(points) ** 2 * problem.noise.count for points in (draws.reshape(-1, dimension), minimum)
-    ]
-    values = test_log_likelihood(costs[0], costs[1][0], problem.noise).reshape(chains, count, -1)
+    sampled = mode.sampled.problem
+    quick = sampled.main if isinstance(sampled, JointProblem) else sampled
+    points = np.concatenate([mode.minimum.point[None], draws.reshape(-1, dimension)])
+    best, *costs = quick.objectives(points) ** 2 * quick.noise.count
+    exact = problem.objectives(points[:1])[0] ** 2 * problem.noise.count
+    values = test_log_likelihood(exact + np.array(costs) - best, exact, problem.noise).reshape(chains, count, -1)
     return xr.Dataset(
         {
             test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}, constant left out")

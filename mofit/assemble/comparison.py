@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -9,7 +11,8 @@ from numpy.typing import NDArray
 from mofit.assemble.signals import predictions
 from mofit.calibration import Calibration
 from mofit.labels import title_of
-from mofit.outcome import Outcome
+from mofit.outcome import Fit, Outcome
+from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
 from mofit.refine import Minimum
 from mofit.result import OWN_UNIT, axis, parameter_axis, quantity
@@ -27,13 +30,13 @@ def laplace_sd(problem: Problem, minimum: Minimum) -> Array:
     return np.asarray(spread * problem.space.slope(problem.space.from_unit(minimum.point)))
 
 
-def per_frequency(outcome: Outcome) -> xr.Dataset:
+def per_frequency(space: ParameterSpace, fits: Mapping[str, Fit]) -> xr.Dataset:
     """Minima of each test alone, in the layout of the paper's Table 4."""
-    tests, space = list(outcome.per_test), outcome.dynamic.space
+    tests = list(fits)
     shape = (len(tests), MINIMA_PER_TEST, len(space))
     value, sd, nrmsd = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
     for row, test in enumerate(tests):
-        fit = outcome.per_test[test]
+        fit = fits[test]
         for column, minimum in enumerate(fit.minima[:MINIMA_PER_TEST]):
             value[row, column] = space.from_unit(minimum.point)
             sd[row, column] = laplace_sd(fit.problem, minimum)
@@ -48,11 +51,9 @@ def per_frequency(outcome: Outcome) -> xr.Dataset:
     )
 
 
-def baseline_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
+def baseline_groups(fit: Fit) -> dict[str, xr.Dataset]:
     """The baseline model's best minimum, its NRMSD and its simulated outputs."""
-    if outcome.baseline is None:
-        return {}
-    problem, best = outcome.baseline.problem, outcome.baseline.minima[0]
+    problem, best = fit.problem, fit.minima[0]
     values = problem.full(best.point[None])[0]
     model = problem.model
     group = xr.Dataset(

@@ -11,7 +11,7 @@ import xarray as xr
 
 from mofit import __version__
 from mofit.assemble.clusters import cluster_groups
-from mofit.assemble.comparison import baseline_groups, calibration_groups, per_frequency
+from mofit.assemble.comparison import calibration_groups
 from mofit.assemble.mixture import mixture_groups
 from mofit.assemble.signals import constant_data, observed_data
 from mofit.outcome import Outcome
@@ -34,8 +34,7 @@ def assemble(outcome: Outcome) -> xr.DataTree:
         "/minima": _minima(outcome),
         "/observed_data": observed_data(outcome.problem),
         "/constant_data": constant_data(outcome.problem),
-        "/per_frequency": per_frequency(outcome),
-        **baseline_groups(outcome),
+        **outcome.compared,
         **calibration_groups(outcome),
         **cluster_groups(outcome),
         **mixture_groups(outcome),
