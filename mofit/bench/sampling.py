@@ -12,22 +12,14 @@ from typing import Any
 import emcee
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.bench.competitors import Absent
-from mofit.bundled import bundled_campaign
-from mofit.calibration import calibrate
-from mofit.campaign_file import read_campaign
-from mofit.library import find_model
-from mofit.posing import choose_tests, main_problem
+from mofit.bench.posed import MODEL, pose
 from mofit.refine import RefineSettings, merge, refine
 from mofit.sample import SampleSettings, autocorrelation_time, effective_size, laplace_covariance, r_hat, sample_mode
-from mofit.settings import Settings, free_space
 from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
-
-MODEL = "maxwell_tyre"
 
 
 @dataclass(frozen=True)
@@ -62,16 +54,7 @@ class Task:
     """The best mode of the bundled campaign, all parameters free, as `mofit identify` samples it."""
 
     def __init__(self, seed: int, jobs: int, limit: float) -> None:
-        settings = Settings(seed=seed, jobs=jobs)
-        campaign, model = read_campaign(bundled_campaign()), find_model(MODEL)
-        space = free_space(model, settings)
-        calibrations, _ = calibrate(model, campaign, space, seed=seed, jobs=jobs)
-        chosen = campaign.select(choose_tests(model, campaign, ()))
-        problem = main_problem(model, chosen, space, calibrations, settings)
-        starts = qmc.Sobol(len(space), rng=seed).random(16)
-        rough = merge(refine(problem.evaluate, starts))[0]
-        counted = problem.with_noise_at(rough.point)
-        minimum = merge(refine(counted.evaluate, rough.point[None]))[0]
+        counted, minimum = pose(seed, jobs)
         near = counted.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
         wide = spread_problem(near, minimum.point)
         self.minimum = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))[0]
@@ -134,7 +117,7 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 120.0) -> tuple[list[dict[s
         "free": list(task.free),
         "seed": seed,
         "jobs": jobs,
-        "limit_seconds": limit,
+        "limit": limit,
         "cpu": platform.processor() or platform.machine(),
         "python": platform.python_version(),
     }
