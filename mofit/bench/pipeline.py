@@ -1,0 +1,184 @@
+"""The same identification by mofit and by the tools that people take for it: time, evaluations, minima, sample.
+
+Peers would take hours. What each *needs* is therefore counted by running its own search and its own sampler, seeded, on
+mofit's kernel in place of its simulator; what each of these evaluations *costs* is measured with its own simulator, on
+points drawn from those that were visited. The time is the product.
+"""
+
+from __future__ import annotations
+
+import platform
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from mofit.bench.competitors import Absent
+from mofit.bench.pipelines import by_diffrax, by_mofit, by_pints, by_pypesto, by_script
+from mofit.bench.pipelines.fast import Fast, Recorded
+from mofit.bench.pipelines.judge import FOUND, distinct_minima
+from mofit.bench.pipelines.peer import Peer
+from mofit.bench.pipelines.price import price
+from mofit.bench.pipelines.task import Task, task_of
+from mofit.bench.posed import MODEL, pose
+from mofit.bench.rows import Rows
+from mofit.problem import Problem
+from mofit.refine import Minimum, merge, refine
+from mofit.sample import SampleSettings, laplace_covariance
+
+PEERS: tuple[Peer, ...] = (by_script.PEER, by_pypesto.PEER, by_diffrax.PEER, by_pints.PEER)
+#: Effective draws of every parameter, for all alike; mofit's stop rule asks for more besides.
+TARGET = SampleSettings.min_ess
+_LIBRARIES = ("numpy", "scipy", "emcee", "pypesto", "jax", "diffrax", "numpyro", "pints")
+
+EXPLAINED = {
+    "minima": "mofit: modes that carry posterior weight; peers: reported points within "
+    f"{FOUND:.1f} nats of the best minimum, those that no hill separates counted once",
+    "ess": "least effective number of draws of any parameter; peers stop at the target, mofit at its own rule",
+    "evaluations": "log posteriors, all tests each; of peers counted by running their search and sampler, settings and "
+    "seed the same, on mofit's kernel",
+    "seconds": "mofit: measured, with its machine code on disk, as from the second run on; peers: evaluations of each "
+    "stage times what one takes their own simulator, the mean over points drawn from those visited; shared perfectly "
+    "by all cores (JAX uses them by itself); whatever else they do is left out",
+    "build seconds": "compilation, not in seconds: mofit's first run beside a later one; a first call of the simulator",
+    "deviation": "how far the peer's simulator and mofit's disagree on differences of the log posterior in the sample, "
+    "in nats, at most",
+    "given to peers": "what mofit's job works out itself: prior of the calibration, noise levels",
+}
+
+
+def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """All pipelines; what is finished is kept, so an interrupted run goes on where it stopped.
+
+    Parameters
+    ----------
+    seed
+        Of every search and sampler.
+    jobs
+        Cores that mofit uses and that peers are taken to use.
+    limit
+        Seconds for which each peer's simulator is measured.
+
+    Returns
+    -------
+    rows
+        One per pipeline: ``minima``, ``ess``, ``evaluations`` and how many of them ``in_sampling`` and with
+        ``gradients``, ``seconds``, ``time`` (measured or computed), ``times_mofit``, ``build_seconds``, ``ms_search``
+        and ``ms_sampling`` of one evaluation, ``deviation``, ``note``; or ``skipped`` with the reason.
+    settings
+        What they were run with, and what the columns mean.
+    """
+    options = {"seed": seed, "jobs": jobs, "limit": limit}
+    rows = Rows("pipeline", options)
+    rows.add({"name": "mofit"}, partial(_mofit, seed, jobs))
+    problem, minimum = pose(seed, jobs)
+    job = make_job(problem, minimum)
+    for peer in PEERS:
+        rows.add({"name": peer.name}, partial(_peer, peer, job, seed, jobs, limit, rows.rows[0]["seconds"]))
+    settings = {
+        "model": MODEL,
+        "tests": len(problem.tests),
+        "free parameters": len(problem.space),
+        **options,
+        "target ess": TARGET,
+        "cpu": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        **_versions(),
+        **EXPLAINED,
+    }
+    return rows.done(), settings
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all peers do.
+
+    Parameters
+    ----------
+    task
+        As plain arrays.
+    whole, near
+        Its log posterior by mofit's kernel in the box, and around the best minimum.
+    best
+        Negative log posterior of that minimum.
+    """
+
+    task: Task
+    whole: Fast
+    near: Fast
+    best: float
+
+
+def make_job(problem: Problem, minimum: Minimum) -> Job:
+    """The job on a problem whose noise was counted at a minimum."""
+    whole = Fast(problem)
+    best = merge(refine(whole.evaluate, minimum.point[None]))[0]
+    near = whole.around(best.point, np.sqrt(np.diag(laplace_covariance(best.hessian))))
+    return Job(task_of(problem), whole, near, best.value)
+
+
+def _mofit(seed: int, jobs: int) -> dict[str, Any]:
+    first, later = by_mofit.first_and_later(seed, jobs)
+    return {
+        "minima": later.modes,
+        "ess": later.ess,
+        "evaluations": later.evaluations,
+        "in_sampling": later.in_sampling,
+        "gradients": later.gradients,
+        "seconds": later.seconds,
+        "time": "measured",
+        "times_mofit": 1.0,
+        "build_seconds": max(first.seconds - later.seconds, 0.0),
+        "ms_search": None,
+        "ms_sampling": None,
+        "deviation": None,
+        "note": "calibration, search, refinement, sampling, evidence and profiles; default settings",
+    }
+
+
+def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float) -> dict[str, Any]:
+    try:
+        own = peer.own(job.task)
+        begin = time.perf_counter()
+        own(job.task.mean[None])
+        first = time.perf_counter() - begin
+        searched = Recorded(job.whole.descent if peer.gradients else job.whole.log_posterior)
+        ends = peer.search(searched, len(job.task.mean), seed)
+        minima = distinct_minima(ends, job.whole, job.best)
+        sampled = Recorded(job.near.descent if peer.gradients else job.near.log_posterior)
+        # after a search that found nothing the sampler starts from the best end, as it would in its user's hands
+        ess = min(peer.sample(sampled, start, seed, TARGET) for start in (minima if len(minima) else ends[:1]))
+    except Absent as reason:
+        return {"skipped": str(reason)}
+    in_search = price(own, searched, peer.gradients, limit / 2, seed)
+    in_sample = price(own, sampled, peer.gradients, limit / 2, seed)
+    seconds = searched.points * in_search.seconds + sampled.points * in_sample.seconds
+    seconds /= 1 if peer.gradients else jobs
+    evaluations = searched.points + sampled.points
+    return {
+        "minima": len(minima),
+        "ess": ess,
+        "evaluations": evaluations,
+        "in_sampling": sampled.points,
+        "gradients": evaluations if peer.gradients else 0,
+        "seconds": seconds,
+        "time": "computed",
+        "times_mofit": seconds / unit,
+        "build_seconds": max(first - in_sample.seconds, 0.0) if peer.gradients else 0.0,
+        "ms_search": 1e3 * in_search.seconds,
+        "ms_sampling": 1e3 * in_sample.seconds,
+        "deviation": in_sample.deviation,
+        "note": peer.note,
+    }
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _LIBRARIES:
+        with suppress(PackageNotFoundError):  # what is absent has a row that says so
+            found[name] = version(name)
+    return found
