@@ -45,6 +45,8 @@ EXPLAINED = {
     "stage times what one takes their own simulator, the mean over points drawn from those visited; shared perfectly "
     "by all cores (JAX uses them by itself); whatever else they do is left out",
     "build seconds": "compilation, not in seconds: mofit's first run beside a later one; a first call of the simulator",
+    "ms to equal": "what one evaluation might take for the whole to take as long as mofit's, were the peer given "
+    "another simulator (pyPESTO takes models compiled by AMICI, PINTS those by Myokit)",
     "deviation": "how far the peer's simulator and mofit's disagree on differences of the log posterior in the sample, "
     "in nats, at most",
     "given to peers": "what mofit's job works out itself: prior of the calibration, noise levels",
@@ -68,7 +70,7 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[st
     rows
         One per pipeline: ``minima``, ``ess``, ``evaluations`` and how many of them ``in_sampling`` and with
         ``gradients``, ``seconds``, ``time`` (measured or computed), ``times_mofit``, ``build_seconds``, ``ms_search``
-        and ``ms_sampling`` of one evaluation, ``deviation``, ``note``; or ``skipped`` with the reason.
+        and ``ms_sampling`` of one evaluation, ``ms_to_equal``, ``deviation``, ``note``; or ``skipped`` with the reason.
     settings
         What they were run with, and what the columns mean.
     """
@@ -135,6 +137,7 @@ def _mofit(seed: int, jobs: int) -> dict[str, Any]:
         "build_seconds": max(first.seconds - later.seconds, 0.0),
         "ms_search": None,
         "ms_sampling": None,
+        "ms_to_equal": None,
         "deviation": None,
         "note": "calibration, search, refinement, sampling, evidence and profiles; default settings",
     }
@@ -156,8 +159,8 @@ def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float)
         return {"skipped": str(reason)}
     in_search = price(own, searched, peer.gradients, limit / 2, seed)
     in_sample = price(own, sampled, peer.gradients, limit / 2, seed)
-    seconds = searched.points * in_search.seconds + sampled.points * in_sample.seconds
-    seconds /= 1 if peer.gradients else jobs
+    cores = 1 if peer.gradients else jobs
+    seconds = (searched.points * in_search.seconds + sampled.points * in_sample.seconds) / cores
     evaluations = searched.points + sampled.points
     return {
         "minima": len(minima),
@@ -171,6 +174,7 @@ def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float)
         "build_seconds": max(first - in_sample.seconds, 0.0) if peer.gradients else 0.0,
         "ms_search": 1e3 * in_search.seconds,
         "ms_sampling": 1e3 * in_sample.seconds,
+        "ms_to_equal": 1e3 * unit * cores / evaluations,
         "deviation": in_sample.deviation,
         "note": peer.note,
     }
