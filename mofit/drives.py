@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 TIME = "time"
 #: conditions that a test has of itself, see `all_conditions`
 EVERY_TEST = ("sample_interval", "start_time")
+#: share of a period by which a record may fall short of whole ones and still count as such
+_SHORT = 0.1
 
 
 def first_input(model: Model) -> str:
@@ -108,4 +110,8 @@ def _dropped(procedure: Procedure, record: Record, settled: bool) -> float:
     if record.period is None or record.periods <= 1:
         return procedure.transient or 0.0
     # a model started from its own initial state needs a period to settle, too
-    return max(record.transient, record.period)
+    dropped = max(record.transient, record.period)
+    left = (len(procedure.time) * procedure.step - record.tail - dropped) / record.period
+    short = int(left + 0.5 * procedure.step / record.period) + 1 - left
+    # not quite a whole one where the record would lose another at its end
+    return max(record.transient, dropped - short * record.period) if short < _SHORT else dropped

@@ -13,6 +13,7 @@ from mofit.campaign import Campaign
 from mofit.diagnosis.agreement import Agreement, agreements
 from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
 from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
+from mofit.diagnosis.estimate import counting_remainder, scaled, share_left
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
 from mofit.diagnosis.observed import Observed, with_discrepancy
@@ -40,7 +41,7 @@ class Diagnosis:
     conclusion
         Verdict, sentence, effects, group.
     attribution
-        Every candidate and every explanation that was tried.
+        Every candidate and every explanation that was tried, with the fits of `mofit.diagnosis.estimate`.
     before, after
         The gap located, without effects and with the best explanation.
     agreements
@@ -118,18 +119,24 @@ def diagnose(
     settings, thresholds = settings or Settings(), thresholds or Thresholds()
     observed, start = pose(model, campaign, settings, tests, workshop)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    case = _investigate(observed, start, chosen, settings, thresholds, progress)
+    case, ignored = _investigate(observed, start, chosen, settings, thresholds, progress), 0.0
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
         again = case.singly(thresholds.roughly)
         if not again.leads(thresholds.coarse_lead):
-            rough = with_discrepancy(observed, thresholds.resolution * case.relative_gap)
+            ignored = thresholds.resolution * case.before.relative
+            rough = with_discrepancy(observed, ignored)
             here = case.found.baseline.minimum.point
             again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
-        case = again if again.leads(thresholds.coarse_lead) else case
-    found, conclusion = case.found, case.conclusion
+        case, ignored = (again, ignored) if again.leads(thresholds.coarse_lead) else (case, 0.0)
+    found, conclusion, candidates = case.found, case.conclusion, case.candidates
+    if ignored > 0 or found.best_left.p < thresholds.left:
+        remainder = float(np.hypot(ignored, case.after.relative))
+        found = counting_remainder(observed, remainder, found, conclusion.alike)
+        conclusion = conclude(found, case.before, case.after, case.thresholds, share_left(found))
+        candidates = scaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
-    shrinkage = None if reason else shrink(found, case.candidates, settings.seed)
+    shrinkage = None if reason else shrink(found, candidates, settings.seed)
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,
@@ -137,10 +144,10 @@ def diagnose(
         attribution=found,
         before=case.before,
         after=case.after,
-        agreements=tuple(agreements(found.baseline)),
+        agreements=tuple(agreements(case.found.baseline)),
         shrinkage=shrinkage,
         shrinkage_reason=reason,
-        next_test=next_test(observed, conclusion.alike),
+        next_test=next_test(observed, case.conclusion.alike),
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
@@ -153,6 +160,7 @@ def diagnose(
 class _Case:
     """One pass through screen, refits and conclusion."""
 
+    thresholds: Thresholds
     candidates: Sequence[Candidate]
     found: Attribution
     before: Where
@@ -171,7 +179,7 @@ class _Case:
         found = replace(self.found, explanations=single, best_left=remaining(single[0].fitted))
         after = locate(single[0].fitted)
         conclusion = conclude(found, self.before, after, thresholds)
-        return replace(self, found=found, after=after, conclusion=conclusion)
+        return replace(self, thresholds=thresholds, found=found, after=after, conclusion=conclusion)
 
     def leads(self, factor: float) -> bool:
         """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""
@@ -182,15 +190,6 @@ class _Case:
         }
         best = left.pop(self.found.best.effects, np.inf)
         return self.conclusion.verdict == "effect" and factor * best < min(left.values(), default=np.inf)
-
-    @property
-    def relative_gap(self) -> float:
-        """Root mean square of the gap relative to the output's range, over all tests."""
-        # a range is about two peaks
-        squares = [
-            max(square, 0.0) / (2 * self.before.peaks[test]) ** 2 for test, square in self.before.squares.items()
-        ]
-        return float(np.sqrt(np.mean(squares)))
 
 
 def _investigate(
@@ -209,7 +208,7 @@ def _investigate(
         candidates.append(prepare(baseline, effect))
     found = attribute(baseline, candidates, thresholds, progress)
     before, after = locate(baseline), locate(found.best.fitted)
-    return _Case(candidates, found, before, after, conclude(found, before, after, thresholds))
+    return _Case(thresholds, candidates, found, before, after, conclude(found, before, after, thresholds))
 
 
 def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:

@@ -92,6 +92,13 @@ class Where:
         """Root mean square of the gap over all tests, in the unit of the (first) output."""
         return float(np.sqrt(max(float(np.mean(list(self.squares.values()))), 0.0)))
 
+    @property
+    def relative(self) -> float:
+        """Root mean square of the gap relative to the output's range, over all tests."""
+        # a range is about two peaks
+        squares = [max(square, 0.0) / (2 * self.peaks[test]) ** 2 for test, square in self.squares.items()]
+        return float(np.sqrt(np.mean(squares)))
+
 
 def locate(fitted: Fitted) -> Where:
     """Locate what a fitted hypothesis leaves."""

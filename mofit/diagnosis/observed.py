@@ -40,6 +40,8 @@ class Observed:
         Of the excitation's fundamental over the samples used, rad, per part; 0 where it does not repeat.
     calibrations
         The stages before, whose estimates the prior is made of.
+    genuine
+        Share of every row's variance that is noise, not a gap counted as such, (m,).
     workshop
         Compiles models.
     """
@@ -52,6 +54,7 @@ class Observed:
     kind: NDArray[np.int64]
     phase: Array
     calibrations: tuple[Calibration, ...] = ()
+    genuine: Array | float = 1.0
     workshop: Workshop = field(default_factory=Workshop)
 
     @cached_property
@@ -94,21 +97,25 @@ class Observed:
         return np.concatenate([w.rows(stored[test][..., output, :]) for test, output, w in self.parts], axis=-2)
 
 
-def with_discrepancy(observed: Observed, relative: float) -> Observed:
+def with_discrepancy(observed: Observed, relative: float, *, everywhere: bool = False) -> Observed:
     """The same tests with an unknown gap, relative to each output's range, counted as noise.
 
     It lies on the constant, all harmonics and the slow lines of a test that repeats, else on the excited lines.
+    ``everywhere``: as strong as if it were on the harmonics alone, but counted on all lines.
     """
+    classes = ("dc", "odd", "even", "excited", *(() if everywhere else ("slow",)))
     parts, measured = [], []
     for i, (test, output, w) in enumerate(observed.parts):
         drive, here = observed.problem.drives[test], observed.part == i
         values = drive.measured[:, output]
         size = relative * float(np.ptp(values[w.start : w.start + w.count]))
         likely = np.zeros(len(w.frequencies), dtype=bool)
-        likely[observed.line[here & observed.of("dc", "odd", "even", "slow", "excited")]] = True
-        parts.append((test, output, w.with_discrepancy(size**2, likely, w.harmonic)))
+        likely[observed.line[here & observed.of(*classes)]] = True
+        more = np.full(len(likely), True) if everywhere else w.harmonic
+        parts.append((test, output, w.with_discrepancy(size**2, likely, more)))
         measured.append(parts[-1][2].rows(values[:, None])[:, 0])
-    return replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
+    counted = replace(observed, parts=tuple(parts), measured=np.concatenate(measured))
+    return replace(counted, genuine=observed.genuine * observed.variance / counted.variance)
 
 
 def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop: Workshop | None = None) -> Observed:
@@ -144,5 +151,5 @@ def observe(problem: Problem, calibrations: Sequence[Calibration] = (), workshop
         np.concatenate([own[lines] for own, lines in zip(kind, line, strict=True)]),
         np.array(phase),
         tuple(calibrations),
-        workshop or Workshop(),
+        workshop=workshop or Workshop(),
     )

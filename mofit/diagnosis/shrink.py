@@ -83,12 +83,13 @@ def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Sh
     folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
     without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
     weight = np.where(observed.repeating, observed.variance * _scale(observed) ** 2, 0.0)
+    noise = weight * observed.genuine
     loud = {clue.name for clue in found.left.clues if clue.p < _LOUD}
     direct = np.where(observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"})), weight, 0.0)
-    base = float(direct @ (without**2 - 1))
-    measured = 1 - float(direct @ (with_**2 - 1)) / base if base > 0 else 0.0
+    base = float(direct @ (without**2 - observed.genuine))
+    measured = 1 - float(direct @ (with_**2 - observed.genuine)) / base if base > 0 else 0.0
     full = best.fitted.residual[:rows]
-    rest = full * np.sqrt(max(1 - weight.sum() / float(weight @ full**2), 0.0)) if found.best_left.p < _LOUD else 0.0
+    rest = full * np.sqrt(max(1 - noise.sum() / float(weight @ full**2), 0.0)) if found.best_left.p < _LOUD else 0.0
     low, confirmed, high = _interval(best.fitted, with_ - full + rest, without - with_, weight, seed)
     chosen = [next(c for c in candidates if c.name == name) for name in best.effects]
     places = [next(one.best for one in found.screened if one.name == name) for name in best.effects]
@@ -178,8 +179,9 @@ def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array, remainde
         gap += float(here @ effect**2)
         uncertain += float(here @ np.einsum("ri,ij,rj->r", both[held], spread, both[held]))
     # what is left beyond noise and uncertainty, if that is no chance
-    left = float(weight @ (rest**2 - 1)) - uncertain
-    uncertain += left if remainder and left > _CLEAR * float(np.sqrt(2 * weight @ weight)) else 0.0
+    noise = weight * observed.genuine
+    left = float(weight @ rest**2 - noise.sum()) - uncertain
+    uncertain += left if remainder and left > _CLEAR * float(np.sqrt(2 * noise @ noise)) else 0.0
     return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
 
 

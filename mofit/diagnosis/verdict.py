@@ -78,8 +78,13 @@ class Conclusion:
         return tuple(effect.name for effect in self.effects if effect.name in doubtful)
 
 
-def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresholds) -> Conclusion:
-    """Draw the conclusion from the gap before and after the best explanation."""
+def conclude(
+    found: Attribution, before: Where, after: Where, thresholds: Thresholds, told: float | None = None
+) -> Conclusion:
+    """Draw the conclusion from the gap before and after the best explanation.
+
+    The share that is left decides; ``told`` is said in its place where the fits that are told leave another.
+    """
     best = found.best
     alike = tuple(
         explanation
@@ -95,6 +100,7 @@ def conclude(found: Attribution, before: Where, after: Where, thresholds: Thresh
     beyond_noise = found.best_left.p < thresholds.left and of_peak.max() > thresholds.left_of_peak
     many = len(best.effects) == thresholds.most_effects
     left = beyond_noise and share > (thresholds.left_share_of_most if many else thresholds.left_share)
+    share = share if told is None else told
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)

@@ -1,5 +1,7 @@
 """Model and campaign joined: objectives, derivatives, priors, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,15 @@ def test_first_period_is_not_judged(problem):
     for drive, record in zip(problem.drives, problem.records, strict=True):
         first = np.argmax(drive.weights[:, 0] > 0) * drive.step
         assert first == pytest.approx(max(record.period, record.transient), abs=2 * drive.step)
+
+
+def test_a_record_just_short_of_whole_periods_loses_none():
+    whole = measurement(0.5)
+    cut = 5  # of 200 samples a period
+    procedure = replace(whole.procedure, time=whole.time[:-cut], inputs={"u": whole.channel("u")[:-cut]})
+    short = replace(whole, procedure=procedure, outputs={"response": whole.channel("response")[:-cut]})
+    (drive,) = build_problem(Lag(), Campaign("lag", "simulated", {}, (short,))).drives
+    assert np.count_nonzero(drive.weights) == pytest.approx(5 * 200, abs=1)
 
 
 def test_gradient_matches_differences(problem):
