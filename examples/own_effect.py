@@ -11,16 +11,16 @@ from mofit.parameters import Parameter
 
 
 class DeadZone(Effect):
-    """Within plus and minus half the gap nothing is transmitted, beyond it the rest of the angle or stroke."""
+    """Within plus and minus half the gap nothing is transmitted, beyond it the rest of the stroke."""
 
     name = "dead_zone"
-    title = "dead zone of the steering or the clamping"
+    title = "dead zone of the clamping"
     # what it acts on: an input, an output, a parameter, a condition or a quantity that the model announces; the first
     # that the model has
-    on = ("slip_angle", "deflection")
+    on = ("deflection", "displacement")
     # at its neutral value the model must be unchanged; one without would say nothing while the effect is not there,
     # and state a grid of values to try
-    parameters = (Parameter("gap", "rad", 0.0, 0.01, 1e-3, description="width of the dead zone", neutral=0.0),)
+    parameters = (Parameter("gap", "m", 0.0, 0.01, 1e-3, description="width of the dead zone", neutral=0.0),)
 
     def apply(self, s, value):
         """The quantity with the effect; an effect with states returns their rates as well."""

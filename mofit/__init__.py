@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from mofit.campaign import Campaign, Measurement, Procedure
     from mofit.campaign_file import read_campaign, write_campaign
     from mofit.identify import identify
+    from mofit.library import find_effect, find_model
     from mofit.model import Applied, Channel, Condition, Effect, Equations, Model, Stage, Symbols, with_effects
     from mofit.parameters import Parameter, ParameterSpace
+    from mofit.report.inline import report_page
     from mofit.result import open_result as open
     from mofit.simulate import simulate
 
@@ -40,9 +42,11 @@ _HOMES = {
             "with_effects",
         )
     },
+    **{name: ("mofit.library", name) for name in ("find_effect", "find_model")},
     "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
     "identify": ("mofit.identify", "identify"),
     "open": ("mofit.result", "open_result"),
+    "report_page": ("mofit.report.inline", "report_page"),
     "simulate": ("mofit.simulate", "simulate"),
 }
 
@@ -62,9 +66,12 @@ __all__ = [
     "Symbols",
     "__version__",
     "diagnose",
+    "find_effect",
+    "find_model",
     "identify",
     "open",
     "read_campaign",
+    "report_page",
     "simulate",
     "with_effects",
     "write_campaign",

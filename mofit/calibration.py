@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.campaign import Campaign
 from mofit.errors import InputError
@@ -18,6 +17,7 @@ from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, build_problem
 from mofit.refine import merge, refine
 from mofit.sample import laplace_covariance
+from mofit.sobol import sobol
 from mofit.spread import spread_problem
 
 Array = NDArray[np.float64]
@@ -48,6 +48,10 @@ class Calibration:
         spread = np.sqrt(np.diag(laplace_covariance(self.hessian)))
         return dict(zip(space.names, map(float, spread * space.slope(space.from_unit(self.minimum))), strict=True))
 
+    def knew(self, values: Mapping[str, float]) -> bool:
+        """Whether the fit held parameters at these values."""
+        return all(self.problem.fixed.get(name) == value for name, value in values.items())
+
     def prior(self, space: ParameterSpace) -> GaussianPrior:
         """What the stage knows, in the unit coordinates of another space that has its parameters."""
         own = self.problem.space
@@ -58,7 +62,13 @@ class Calibration:
 
 
 def calibrate(
-    model: Model, campaign: Campaign, space: ParameterSpace, *, seed: int, jobs: int
+    model: Model,
+    campaign: Campaign,
+    space: ParameterSpace,
+    *,
+    seed: int,
+    jobs: int,
+    done: Sequence[Calibration] = (),
 ) -> tuple[list[Calibration], list[str]]:
     """Fit every stage of a model that the campaign has tests for.
 
@@ -72,6 +82,8 @@ def calibrate(
         The main model's parameters: their bounds hold for the stages as well.
     seed, jobs
         Seed of the starts; threads.
+    done
+        Stages fitted to this campaign before, for another model; those that are the same are not fitted again.
 
     Returns
     -------
@@ -94,6 +106,10 @@ def calibrate(
             continue
         known = {name: value for calibration in found for name, value in calibration.values.items()}
         free = [p.name for p in stage_model.parameters if p.name in space.names and p.name not in known]
+        same = [c for c in done if c.stage == stage and c.problem.space == space.subset(free) and c.knew(known)]
+        if same:
+            found.append(same[0])
+            continue
         problem = build_problem(
             stage_model,
             campaign.select(tests),
@@ -108,8 +124,8 @@ def calibrate(
 
 def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
     """Least squares from many starts, then once more with the independent residuals counted."""
-    sobol = qmc.Sobol(len(problem.space), scramble=True, rng=np.random.default_rng(seed))
-    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], sobol.random(STARTS)])
+    scattered = sobol(len(problem.space), seed).random(STARTS)
+    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], scattered])
     minima = merge(refine(problem.evaluate, starts))
     if not minima:
         raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")

@@ -80,12 +80,14 @@ class Procedure:
 class Measurement:
     """A procedure and the outputs measured in it, shape (n,) each, in SI units.
 
-    ``units`` names the SI unit of every channel, inputs and outputs.
+    ``units`` names the SI unit of every channel, inputs and outputs. ``gaps`` counts those of the record that the test
+    is the longest whole stretch of.
     """
 
     procedure: Procedure
     outputs: Mapping[str, Array]
     units: Mapping[str, str]
+    gaps: int = 0
 
     @property
     def name(self) -> str:
@@ -105,6 +107,8 @@ class Measurement:
     def under(self, conditions: Mapping[str, float]) -> Measurement:
         """The measurement with these conditions where it has none of its own."""
         own = {**conditions, **self.procedure.conditions}
+        if own == self.procedure.conditions:
+            return self  # the same object: what was found out about it is remembered
         return replace(self, procedure=replace(self.procedure, conditions=own))
 
     def channel(self, name: str) -> Array:
@@ -218,8 +222,9 @@ def overview(measurement: Measurement) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``test``, ``procedure``, ``samples``, ``seconds`` (s), ``rate`` (Hz), ``gaps`` (missing time steps; a campaign
-        that was read has none), ``channels`` by name with ``role``, ``unit`` and ``range``, and ``conditions`` (SI).
+        ``test``, ``procedure``, ``samples``, ``seconds`` (s), ``rate`` (Hz), ``gaps`` (of the record that the test was
+        cut from; none is left in it), ``channels`` by name with ``role``, ``unit`` and ``range``, and ``conditions``
+        (SI).
     """
     procedure, time = measurement.procedure, measurement.time
     groups = (("input", procedure.inputs), ("output", measurement.outputs))
@@ -229,7 +234,7 @@ def overview(measurement: Measurement) -> dict[str, Any]:
         "samples": len(time),
         "seconds": float(time[-1] - time[0]),
         "rate": 1 / procedure.step,
-        "gaps": int(np.sum(np.diff(time) > 1.5 * procedure.step)),
+        "gaps": measurement.gaps,
         "channels": {
             name: {
                 "role": role,

@@ -125,6 +125,7 @@ def _measurement(
     if "time" not in data.variables:
         return None, [*faults, Fault(where, "no variable 'time'", "Add the time of every sample in s")]
     numbers = {key: _number(where, key, group.attrs, faults) for key in _NUMBERS}
+    gaps = _number(where, "gaps", group.attrs, faults)
     kind = _choice(where, "procedure", group.attrs.get("procedure"), KINDS, faults)
     hold = _choice(where, "hold", group.attrs.get("hold", ""), ("", *HOLDS), faults)
     if kind in PERIODIC_KINDS and "frequency" not in group.attrs:
@@ -144,7 +145,7 @@ def _measurement(
     if any(fault.severity == "error" for fault in faults) or time is None:
         return None, faults
     procedure = Procedure(name, kind, time, channels["input"], conditions, **numbers, hold=hold)
-    return Measurement(procedure, channels["output"], units), faults
+    return Measurement(procedure, channels["output"], units, int(gaps or 0)), faults
 
 
 def _channels(where: str, data: xr.Dataset, faults: list[Fault]) -> tuple[dict[str, dict[str, Array]], dict[str, str]]:
@@ -267,7 +268,8 @@ def _tree(campaign: Campaign) -> xr.DataTree:
             {**variables, **_scalars(own, campaign.units)},
             coords={"time": ("time", procedure.time, {"units": "s", "long_name": "time"})},
             attrs={"procedure": procedure.kind, "hold": procedure.hold}
-            | {key: value for key, value in numbers.items() if value is not None},
+            | {key: value for key, value in numbers.items() if value is not None}
+            | ({"gaps": measurement.gaps} if measurement.gaps else {}),
         )
     return xr.DataTree.from_dict(groups)
 

@@ -45,6 +45,10 @@ class InputError(MofitError):
         self.faults = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
 
+    def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...]]]:
+        """From one process to another with its faults, which the message alone does not hold."""
+        return type(self), (self.faults,)
+
     @classmethod
     def of(cls, where: str, what: str, cure: str) -> InputError:
         """An error with a single fault."""

@@ -15,18 +15,19 @@ from numpy.typing import NDArray
 from mofit.assemble import assemble
 from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign import Campaign
-from mofit.errors import InputError
+from mofit.compared import compare
+from mofit.forking import beside
 from mofit.joint import JointProblem
 from mofit.journal import Clock, Journal
-from mofit.library import find_model
 from mofit.model import Model, build_system
-from mofit.outcome import Fit, Mode, Outcome
+from mofit.outcome import Mode, Outcome
 from mofit.posing import choose_tests, dynamic_problem, main_problem, search_weights
 from mofit.problem import Problem
 from mofit.profiles import profile
 from mofit.progress import Progress, silent
 from mofit.refine import Minimum, RefineSettings, merge, refine
-from mofit.report import write_report
+from mofit.refining import refined, starts_of
+from mofit.report_beside import report_beside
 from mofit.result import write_result
 from mofit.run import plan_folder
 from mofit.sample import (
@@ -38,10 +39,9 @@ from mofit.sample import (
     restricted,
     sample_mode,
 )
-from mofit.search import SearchResult
 from mofit.searching import search
 from mofit.settings import Settings, free_space
-from mofit.spread import spread_problem, spread_problems
+from mofit.spread import spread_problems
 
 Array = NDArray[np.float64]
 P = TypeVar("P", bound=Problem | JointProblem)
@@ -108,50 +108,51 @@ def identify(
     }
     folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
 
-    with clock.measure("calibrate"):
-        progress("calibrate", 0, 1, "steady state and spring" if model.stages else "")
-        calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
-    with clock.measure("prepare"):
-        selected = campaign.select(chosen)
-        dynamic = dynamic_problem(model, selected, space, calibrations, settings)
-        problem = main_problem(model, selected, space, calibrations, settings)
-    with clock.measure("search"):
-        found = search(dynamic, settings, partial(_relay, progress, "search"))
-    with clock.measure("refine"):
-        progress("refine", 0, 1, "")
-        dynamic, rough = _refine(dynamic, _starts(found))
-        problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
-    with clock.measure("per_frequency"):
+    with report_beside() as drawn:
+        with clock.measure("calibrate"):
+            progress("calibrate", 0, 1, "steady state and spring" if model.stages else "")
+            calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
+        with clock.measure("prepare"):
+            selected = campaign.select(chosen)
+            dynamic = dynamic_problem(model, selected, space, calibrations, settings)
+            problem = main_problem(model, selected, space, calibrations, settings)
+        with clock.measure("search"):
+            found = search(dynamic, settings, partial(_relay, progress, "search"))
+        with clock.measure("refine"):
+            progress("refine", 0, 1, "")
+            dynamic, rough = refined(dynamic, starts_of(found))
+            problem, minima = _refine_all(problem, dynamic, rough, calibrated_values(calibrations))
         values = dict(zip(problem.space.names, problem.space.from_unit(minima[0].point), strict=True))
-        per_test = _per_test(dynamic.with_fixed(values), _starts(found), progress)
-    with clock.measure("baseline"):
-        baseline = _baseline(model, campaign, selected, settings)
-    with folder.at_work(configuration) as unfinished:
-        journal.write_to(unfinished / "run.log")
-        with clock.measure("sample"):
-            modes = _sample(problem, minima, settings, unfinished / "chains.h5", progress)
-        outcome = Outcome(
-            campaign=campaign,
-            configuration=configuration,
-            calibrations=tuple(calibrations),
-            problem=problem.main if isinstance(problem, JointProblem) else problem,
-            dynamic=dynamic,
-            search=found,
-            weights=search_weights(dynamic, settings),
-            minima=minima,
-            modes=modes,
-            baseline=baseline,
-            per_test=per_test,
-            seconds=clock.seconds,
-            warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
+        comparison = partial(
+            compare, dynamic.with_fixed(values), starts_of(found), model, campaign, calibrations, settings
         )
-        progress("write", 0, 1, "result and report")
-        tree = assemble(outcome)
-        write_result(tree, unfinished)
-        write_report(tree, unfinished)
-        for warning in outcome.warnings:
-            journal.note(f"warning: {warning}")
-        journal.note("converged" if outcome.converged else "NOT converged")
+        with folder.at_work(configuration) as unfinished, beside(comparison, settings.jobs > 1) as compared:
+            journal.write_to(unfinished / "run.log")
+            with clock.measure("sample"):
+                modes = _sample(problem, minima, settings, unfinished / "chains.h5", progress)
+            progress("compare", 0, 1, "each test alone and the baseline")
+            groups, seconds = compared()
+            outcome = Outcome(
+                campaign=campaign,
+                configuration=configuration,
+                calibrations=tuple(calibrations),
+                problem=problem.main if isinstance(problem, JointProblem) else problem,
+                dynamic=dynamic,
+                search=found,
+                weights=search_weights(dynamic, settings),
+                minima=minima,
+                modes=modes,
+                compared=groups,
+                seconds={**clock.seconds, **seconds, "total": clock.total},
+                warnings=tuple(warnings + [reason for mode in modes for reason in mode.chains.reasons]),
+            )
+            progress("write", 0, 1, "result and report")
+            tree = assemble(outcome)
+            with drawn(tree, unfinished):
+                write_result(tree, unfinished)
+            for warning in outcome.warnings:
+                journal.note(f"warning: {warning}")
+            journal.note("converged" if outcome.converged else "NOT converged")
     return folder.target, tree
 
 
@@ -163,7 +164,7 @@ def sampled_modes(
     calibrations, _ = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs)
     selected = campaign.select(choose_tests(model, campaign, tests))
     dynamic = dynamic_problem(model, selected, space, calibrations, settings)
-    dynamic, rough = _refine(dynamic, _starts(search(dynamic, settings)))
+    dynamic, rough = refined(dynamic, starts_of(search(dynamic, settings)))
     problem, minima = _refine_all(
         main_problem(model, selected, space, calibrations, settings), dynamic, rough, calibrated_values(calibrations)
     )
@@ -172,22 +173,6 @@ def sampled_modes(
 
 def _slug(title: str) -> str:
     return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40] or "run"
-
-
-def _starts(found: SearchResult) -> Array:
-    """What the search stored, and its best point of each test alone."""
-    rows = [*found.stored, *np.nanargmin(found.objectives, axis=0)]
-    return found.points[list(dict.fromkeys(int(row) for row in rows))]
-
-
-def _refine(problem: P, starts: Array) -> tuple[P, tuple[Minimum, ...]]:
-    """Refine, count the independent residuals at the best minimum, and refine again under that noise."""
-    first = merge(refine(problem.evaluate, starts))
-    if not first:
-        raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    counted: P = problem.with_noise_at(first[0].point)  # type: ignore[assignment]  # each returns its own kind
-    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
-    return counted, merge(again, values=lambda u: -counted.log_posterior(u))
 
 
 def _plausible(minima: tuple[Minimum, ...], least_weight: float) -> list[Minimum]:
@@ -209,7 +194,7 @@ def _refine_all(
     ]
     starts = problem.space.to_unit(np.stack(columns, axis=1))
     local = problem.with_noise(dynamic.noise).near(starts, np.full(len(problem.space), NEIGHBOURHOOD))
-    return _refine(local, starts)
+    return refined(local, starts)
 
 
 def _sample(
@@ -249,7 +234,7 @@ def _sample(
         )
         evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
         spread = profile(wide, minimum.point, sd)
-        sampled.append(Mode(name, minimum, narrow.hessian, wide.gap_squares, evidence, 1.0, chains, spread))
+        sampled.append(Mode(name, minimum, narrow.hessian, wide, evidence, 1.0, chains, spread))
     weights = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, weight=float(weight)) for mode, weight in zip(sampled, weights, strict=True))
 
@@ -260,33 +245,3 @@ def _evidence(minimum: Minimum) -> float:
 
 def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:
     progress(stage, done, total, note)
-
-
-def _per_test(dynamic: Problem, starts: Array, progress: Progress) -> dict[str, Fit]:
-    """Every test alone, as in the paper's Table 4: refined from the minima that the search found for any test.
-
-    A lone sine says so little of some parameters that what is held fixed must be as good as all tests together make it.
-    """
-    fits = {}
-    for number, test in enumerate(dynamic.tests):
-        progress("per frequency", number, len(dynamic.tests), test)
-        problem, minima = _refine(dynamic.select([test]), starts)
-        fits[test] = Fit(problem, tuple(replace(m, hessian=spread_problem(problem, m.point).hessian) for m in minima))
-    return fits
-
-
-def _baseline(model: Model, campaign: Campaign, selected: Campaign, settings: Settings) -> Fit | None:
-    """The model that this one is compared with, identified in the same way."""
-    if model.baseline is None:
-        return None
-    reference = find_model(model.baseline)
-    names = {parameter.name for parameter in reference.parameters}
-    own = replace(
-        settings,
-        bounds={name: value for name, value in settings.bounds.items() if name in names},
-        fixed={name: value for name, value in settings.fixed.items() if name in names},
-    )
-    space = free_space(reference, own)
-    calibrations, _ = calibrate(reference, campaign, space, seed=settings.seed, jobs=settings.jobs)
-    problem = dynamic_problem(reference, selected, space, calibrations, own)
-    return Fit(*_refine(problem, _starts(search(problem, own))))

@@ -108,11 +108,10 @@ def diagnose_file(
     configuration = {"campaign": campaign.hash(), "model": chosen.name, "effects": list(effects), "seed": settings.seed}
     folder = plan_folder(out, f"diagnosis-{chosen.name}", configuration, resume=False)
     found = diagnose(campaign, chosen, effects, settings, tests=_tests_named(campaign, tuple(tests)), progress=progress)
-    told = plain(found)
     with folder.at_work(configuration) as unfinished:
         progress("write", 0, 1, "page")
-        write_diagnosis({**page_data(found), **told, "campaign": campaign.title, "source": campaign.source}, unfinished)
-    return folder.target, told
+        write_diagnosis(page_data(found), unfinished)
+    return folder.target, plain(found)
 
 
 def model_for(campaign: Campaign) -> Model:

@@ -50,6 +50,12 @@ class Clock:
     """Seconds per stage."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    began: float = field(default_factory=time.perf_counter)
+
+    @property
+    def total(self) -> float:
+        """Seconds since the clock was made; stages that overlap add up to more."""
+        return time.perf_counter() - self.began
 
     @contextmanager
     def measure(self, stage: str) -> Iterator[None]:

@@ -53,6 +53,9 @@ CONDITIONS: dict[str, Label] = {
     "temperature": Label("K", "temperature"),
     "current": Label("A", "current"),
     "mass": Label("kg", "mass"),
+    "slip_normalisation": Label("1", "slip normalisation factor"),
+    "fictitious_velocity": Label("m/s", "velocity that keeps the slip finite at standstill"),
+    "averaging_time": Label("s", "length of the moving average that the record went through"),
 }
 
 #: conditions that belong to a channel: without them its tests cannot be compared or modelled
@@ -68,7 +71,7 @@ def known_unit(name: str) -> str | None:
     return label.unit if label else None
 
 
-def title_of(name: str) -> str:
-    """A few words for axes and tables; an unknown name is spelt with spaces."""
+def title_of(name: str, meaning: str = "") -> str:
+    """A few words for axes and tables; for an unknown name its ``meaning``, or else the name with spaces."""
     label = CHANNELS.get(name) or CONDITIONS.get(name)
-    return label.title if label else name.replace("_", " ")
+    return label.title if label else meaning or name.replace("_", " ")

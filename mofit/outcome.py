@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from mofit.calibration import Calibration
@@ -16,6 +17,7 @@ from mofit.profiles import Profile
 from mofit.refine import Minimum
 from mofit.sample import Chains, Evidence
 from mofit.search import SearchResult
+from mofit.spread import SpreadProblem
 
 Array = NDArray[np.float64]
 
@@ -32,8 +34,8 @@ class Mode:
         With the Hessian that noise and gap ask for.
     noise_hessian
         What it would be for noise alone.
-    gap_squares
-        Mean squared amplitude of the gap on fundamentals and on harmonics, relative to the output's range.
+    sampled
+        What was sampled: the problem with the gap, quick to evaluate around the minimum.
     evidence
         By bridge sampling.
     weight
@@ -45,7 +47,7 @@ class Mode:
     name: str
     minimum: Minimum
     noise_hessian: Array
-    gap_squares: tuple[float, float]
+    sampled: SpreadProblem
     evidence: Evidence
     weight: float
     chains: Chains
@@ -80,10 +82,8 @@ class Outcome:
         All refined minima, best first.
     modes
         Those that carry posterior weight, sampled; best first.
-    baseline
-        The comparison model's fit.
-    per_test
-        Minima of each test alone.
+    compared
+        Groups of the result tree that hold what the result is held against, see `mofit.compared`.
     seconds, warnings
         Time per stage, and what a reader must know.
     """
@@ -97,8 +97,7 @@ class Outcome:
     weights: Array
     minima: tuple[Minimum, ...]
     modes: tuple[Mode, ...]
-    baseline: Fit | None
-    per_test: Mapping[str, Fit]
+    compared: Mapping[str, xr.Dataset]
     seconds: Mapping[str, float]
     warnings: tuple[str, ...]
 

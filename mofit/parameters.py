@@ -116,6 +116,11 @@ class ParameterSpace:
         """Names in order."""
         return tuple(parameter.name for parameter in self.parameters)
 
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units in order."""
+        return tuple(parameter.unit for parameter in self.parameters)
+
     @cached_property
     def lower(self) -> Array:
         """Lower bounds, shape (d,)."""

@@ -39,6 +39,9 @@ def dynamic_problem(
     """What the search sees: calibrated parameters held at their estimates (free with ``joint``)."""
     known = {} if settings.joint else dict(calibrated_values(calibrations))
     free = [name for name in space.names if name not in known]
+    if not free:
+        what = "holds every parameter that is searched; the rest is what the calibration stages find"
+        raise InputError.of("--fix", what, "Leave one more free, or add --joint")
     return build_problem(
         model, campaign, space=space.subset(free), fixed={**known, **settings.fixed}, jobs=settings.jobs
     )

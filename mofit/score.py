@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from mofit.joint import JointProblem
 from mofit.objectives import Score, join_scores
@@ -87,7 +87,7 @@ def _excess(lines: Array, freedom: float) -> float:
     if freedom <= 0:
         return 0.0
     power, noise, known = lines.T
-    if 2 / freedom * np.sum(power / noise) < fisher.isf(_CHANCE, freedom, np.median(known)):
+    if 2 / freedom * np.sum(power / noise) < fdtri(freedom, np.median(known), 1 - _CHANCE):
         return 0.0
     return max(float(2 / freedom * np.sum(power) - np.mean(noise)), 0.0)
 

@@ -26,7 +26,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
     result = {
         "run": str(run),
         "converged": bool(tree.attrs["converged"]),
-        "seconds": {**seconds, "total": round(sum(seconds.values()), 3)},
+        "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),
         "noise_floor": _per_test(tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),

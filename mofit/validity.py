@@ -36,7 +36,8 @@ def time_faults(where: str, time: Array) -> list[Fault]:
     if (gaps := np.flatnonzero(steps > 1.5 * step)).size:
         at = gaps[0]
         what = f"{gaps.size} gap(s), the first after {time[at]:.6g} s: {steps[at]:.3g} s instead of {step:.3g} s"
-        return [Fault(where, what, "Fill the gap by measuring again, or cut the record into two tests there")]
+        cure = "Measure again, cut the record into two tests there, or import its longest stretch (gaps = 'longest')"
+        return [Fault(where, what, cure)]
     index = np.arange(len(time))
     off = np.max(np.abs(time - np.polyval(np.polyfit(index, time, 1), index))) / step
     if off > GRID_TOLERANCE:

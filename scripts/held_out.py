@@ -65,7 +65,7 @@ def run(work: Path, seed: int, test: str) -> dict:
     narrow = np.clip(best.minimum.point + rng.normal(size=wide.shape) @ factor.T, 0, 1)
     # what the noise of the record adds to its own amplitude
     noise = 2 * problem.records[0].noise_sd["lateral_force"] / np.sqrt(2 * len(time))
-    gap = np.sqrt(best.gap_squares[0] / 2) * np.ptp(measurement.channel("lateral_force"))
+    gap = np.sqrt(best.sampled.gap_squares[0] / 2) * np.ptp(measurement.channel("lateral_force"))
     found = {"seed": seed, "test": test, "frequency": frequency}
     for name, points, extra in (("plain", narrow, 0.0), ("gap_aware", wide, gap)):
         spread = np.hypot(noise, extra)

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from mofit.assemble.comparison import laplace_sd
 from mofit.assemble.profiles import profile_group
 from mofit.assemble.signals import predictions, predictive
+from mofit.joint import JointProblem
 from mofit.objectives import test_log_likelihood
 from mofit.outcome import Mode, Outcome
 from mofit.problem import Problem
-from mofit.result import quantity
+from mofit.result import OWN_UNIT, axis, parameter_axis, quantity
 from mofit.sample import laplace_covariance, r_hat
 from mofit.verdict import contraction, verdict
 
@@ -34,7 +35,7 @@ def cluster_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
         groups[f"{path}/posterior"] = _posterior(outcome.problem, draws.points)
         groups[f"{path}/profile"] = profile_group(outcome.problem.space, mode.profile)
         groups[f"{path}/sample_stats"] = _sample_stats(mode)
-        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode.minimum.point[None], draws.points)
+        groups[f"{path}/log_likelihood"] = _log_likelihood(outcome.problem, mode, draws.points)
         groups[f"{path}/posterior_predictive"] = predictive(outcome.problem, _few(outcome.problem, draws.points))
     return groups
 
@@ -53,19 +54,19 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     covariance = laplace_covariance(minimum.hessian)
     scale = np.sqrt(np.diag(covariance))
     per_parameter = {
-        "value": (space.from_unit(minimum.point), "as unit", "refined minimum"),
+        "value": (space.from_unit(minimum.point), OWN_UNIT, "refined minimum"),
         "at_bound": (minimum.at_bound, "1", "-1 at the lower, 1 at the upper bound"),
-        "laplace_sd": (laplace_sd(problem, minimum), "as unit", "standard deviation (Laplace)"),
+        "laplace_sd": (laplace_sd(problem, minimum), OWN_UNIT, "standard deviation (Laplace)"),
         "noise_sd": (
             np.sqrt(np.diag(laplace_covariance(mode.noise_hessian))) * space.slope(space.from_unit(minimum.point)),
-            "as unit",
+            OWN_UNIT,
             "standard deviation if the model were right: noise alone, no gap (Laplace)",
         ),
-        "mean": (values.mean(axis=0), "as unit", "posterior mean"),
-        "sd": (values.std(axis=0), "as unit", "posterior standard deviation"),
-        "q05": (np.quantile(values, 0.05, axis=0), "as unit", "5 % quantile"),
-        "q50": (np.quantile(values, 0.50, axis=0), "as unit", "median"),
-        "q95": (np.quantile(values, 0.95, axis=0), "as unit", "95 % quantile"),
+        "mean": (values.mean(axis=0), OWN_UNIT, "posterior mean"),
+        "sd": (values.std(axis=0), OWN_UNIT, "posterior standard deviation"),
+        "q05": (np.quantile(values, 0.05, axis=0), OWN_UNIT, "5 % quantile"),
+        "q50": (np.quantile(values, 0.50, axis=0), OWN_UNIT, "median"),
+        "q95": (np.quantile(values, 0.95, axis=0), OWN_UNIT, "95 % quantile"),
         "ess": (chains.ess, "1", "effective sample size"),
         # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
         "r_hat": (r_hat(space.from_unit(draws)), "1", "split R-hat between ensembles"),
@@ -88,17 +89,17 @@ def _summary(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
     return xr.Dataset(
         variables,
         {
-            "parameter": ("parameter", list(space.names)),
-            "parameter_": ("parameter_", list(space.names)),
-            "test": ("test", list(problem.tests)),
+            **parameter_axis(space.names, space.units),
+            "parameter_": axis("parameter_", list(space.names)),
+            "test": axis("test", list(problem.tests)),
         },
         {
             "log_evidence": mode.evidence.log_evidence,
             "log_evidence_error": mode.evidence.error,
             "weight": mode.weight,
             "log_posterior": -minimum.value,
-            "gap_fundamental": float(np.sqrt(mode.gap_squares[0])),
-            "gap_harmonics": float(np.sqrt(mode.gap_squares[1])),
+            "gap_fundamental": float(np.sqrt(mode.sampled.gap_squares[0])),
+            "gap_harmonics": float(np.sqrt(mode.sampled.gap_squares[1])),
             "converged": int(chains.converged),
             "evaluations": int(chains.evaluations),
         },
@@ -129,12 +130,15 @@ def _sample_stats(mode: Mode) -> xr.Dataset:
     )
 
 
-def _log_likelihood(problem: Problem, minimum: Array, draws: Array) -> xr.Dataset:
+def _log_likelihood(problem: Problem, mode: Mode, draws: Array) -> xr.Dataset:
+    """Of every test; costs are those that were sampled, which differ from the whole ones by a constant per test."""
     chains, count, dimension = draws.shape
-    costs = [
-        problem.objectives(points) ** 2 * problem.noise.count for points in (draws.reshape(-1, dimension), minimum)
-    ]
-    values = test_log_likelihood(costs[0], costs[1][0], problem.noise).reshape(chains, count, -1)
+    sampled = mode.sampled.problem
+    quick = sampled.main if isinstance(sampled, JointProblem) else sampled
+    points = np.concatenate([mode.minimum.point[None], draws.reshape(-1, dimension)])
+    best, *costs = quick.objectives(points) ** 2 * quick.noise.count
+    exact = problem.objectives(points[:1])[0] ** 2 * problem.noise.count
+    values = test_log_likelihood(exact + np.array(costs) - best, exact, problem.noise).reshape(chains, count, -1)
     return xr.Dataset(
         {
             test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}, constant left out")
@@ -144,5 +148,5 @@ def _log_likelihood(problem: Problem, minimum: Array, draws: Array) -> xr.Datase
     )
 
 
-def _axes(draws: Array) -> dict[str, tuple[str, list[int]]]:
-    return {"chain": ("chain", list(range(draws.shape[0]))), "draw": ("draw", list(range(draws.shape[1])))}
+def _axes(draws: Array) -> dict[str, xr.Variable]:
+    return {"chain": axis("chain", range(draws.shape[0])), "draw": axis("draw", range(draws.shape[1]))}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -9,10 +11,11 @@ from numpy.typing import NDArray
 from mofit.assemble.signals import predictions
 from mofit.calibration import Calibration
 from mofit.labels import title_of
-from mofit.outcome import Outcome
+from mofit.outcome import Fit, Outcome
+from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
 from mofit.refine import Minimum
-from mofit.result import quantity
+from mofit.result import OWN_UNIT, axis, parameter_axis, quantity
 from mofit.sample import laplace_covariance
 
 Array = NDArray[np.float64]
@@ -27,44 +30,40 @@ def laplace_sd(problem: Problem, minimum: Minimum) -> Array:
     return np.asarray(spread * problem.space.slope(problem.space.from_unit(minimum.point)))
 
 
-def per_frequency(outcome: Outcome) -> xr.Dataset:
+def per_frequency(space: ParameterSpace, fits: Mapping[str, Fit]) -> xr.Dataset:
     """Minima of each test alone, in the layout of the paper's Table 4."""
-    tests, space = list(outcome.per_test), outcome.dynamic.space
+    tests = list(fits)
     shape = (len(tests), MINIMA_PER_TEST, len(space))
     value, sd, nrmsd = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
     for row, test in enumerate(tests):
-        fit = outcome.per_test[test]
+        fit = fits[test]
         for column, minimum in enumerate(fit.minima[:MINIMA_PER_TEST]):
             value[row, column] = space.from_unit(minimum.point)
             sd[row, column] = laplace_sd(fit.problem, minimum)
             nrmsd[row, column] = fit.problem.objectives(minimum.point[None])[0, 0]
     return xr.Dataset(
         {
-            "value": quantity(("test", "minimum", "parameter"), value, "as unit", "minimum of this test alone"),
-            "sd": quantity(("test", "minimum", "parameter"), sd, "as unit", "standard deviation (Laplace)"),
+            "value": quantity(("test", "minimum", "parameter"), value, OWN_UNIT, "minimum of this test alone"),
+            "sd": quantity(("test", "minimum", "parameter"), sd, OWN_UNIT, "standard deviation (Laplace)"),
             "nrmsd": quantity(("test", "minimum"), nrmsd, "1", "NRMSD of this test"),
-            "unit": quantity("parameter", [p.unit for p in space.parameters], "1", "SI unit"),
         },
-        {"test": ("test", tests), "parameter": ("parameter", list(space.names))},
+        {"test": axis("test", tests), **parameter_axis(space.names, space.units)},
     )
 
 
-def baseline_groups(outcome: Outcome) -> dict[str, xr.Dataset]:
+def baseline_groups(fit: Fit) -> dict[str, xr.Dataset]:
     """The baseline model's best minimum, its NRMSD and its simulated outputs."""
-    if outcome.baseline is None:
-        return {}
-    problem, best = outcome.baseline.problem, outcome.baseline.minima[0]
+    problem, best = fit.problem, fit.minima[0]
     values = problem.full(best.point[None])[0]
     model = problem.model
     group = xr.Dataset(
         {
-            "value": quantity("parameter_baseline", values, "as unit", "refined minimum"),
-            "unit": quantity("parameter_baseline", [p.unit for p in model.parameters], "1", "SI unit"),
+            "value": quantity("parameter_baseline", values, OWN_UNIT, "refined minimum"),
             "nrmsd": quantity("test", problem.objectives(best.point[None])[0], "1", "NRMSD per test"),
         },
         {
-            "parameter_baseline": ("parameter_baseline", list(problem.system.parameters)),
-            "test": ("test", list(problem.tests)),
+            **parameter_axis(problem.system.parameters, (p.unit for p in model.parameters), "parameter_baseline"),
+            "test": axis("test", list(problem.tests)),
         },
         {"model": model.name, "model_title": model.title or model.name},
     )
@@ -88,17 +87,25 @@ def _stage(calibration: Calibration) -> xr.Dataset:
 
     return xr.Dataset(
         {
-            "value": quantity(dimension, list(calibration.values.values()), "as unit", "estimate"),
-            "sd": quantity(dimension, list(calibration.sd.values()), "as unit", "standard deviation"),
-            "unit": quantity(dimension, [p.unit for p in problem.space.parameters], "1", "SI unit"),
+            "value": quantity(dimension, list(calibration.values.values()), OWN_UNIT, "estimate"),
+            "sd": quantity(dimension, list(calibration.sd.values()), OWN_UNIT, "standard deviation"),
             "x": quantity(
-                "sample", joined([d.inputs[:, 0] for d in problem.drives]), source.unit, title_of(source.name)
+                "sample",
+                joined([d.inputs[:, 0] for d in problem.drives]),
+                source.unit,
+                title_of(source.name, source.description),
             ),
             "measured": quantity(
-                "sample", joined([d.measured[:, 0] for d in problem.drives]), output.unit, title_of(output.name)
+                "sample",
+                joined([d.measured[:, 0] for d in problem.drives]),
+                output.unit,
+                title_of(output.name, output.description),
             ),
             "fitted": quantity(
-                "sample", joined([s[0, :, 0] for s in simulated]), output.unit, f"fitted {title_of(output.name)}"
+                "sample",
+                joined([s[0, :, 0] for s in simulated]),
+                output.unit,
+                f"fitted {title_of(output.name, output.description)}",
             ),
             "nrmsd": quantity(
                 (),
@@ -107,6 +114,6 @@ def _stage(calibration: Calibration) -> xr.Dataset:
                 "mean NRMSD of the stage",
             ),
         },
-        {dimension: (dimension, list(problem.space.names))},
+        parameter_axis(problem.space.names, problem.space.units, dimension),
         {"model": problem.model.name, "tests": ", ".join(problem.tests)},
     )

@@ -7,7 +7,7 @@ import xarray as xr
 
 from mofit.parameters import ParameterSpace
 from mofit.profiles import Profile
-from mofit.result import quantity
+from mofit.result import OWN_UNIT, parameter_axis, quantity
 
 
 def profile_group(space: ParameterSpace, found: Profile) -> xr.Dataset:
@@ -24,9 +24,9 @@ def profile_group(space: ParameterSpace, found: Profile) -> xr.Dataset:
     dims = ("parameter", "point")
     return xr.Dataset(
         {
-            "value": quantity(dims, held, "as unit", "held value"),
+            "value": quantity(dims, held, OWN_UNIT, "held value"),
             "nll": quantity(dims, found.nll, "1", "negative log posterior relative to the minimum, the others free"),
             "converged": quantity(dims, found.converged.astype(np.int8), "1", "1 where the others are at their best"),
         },
-        {"parameter": ("parameter", list(space.names))},
+        parameter_axis(space.names, space.units),
     )

@@ -18,7 +18,9 @@ def observed_data(problem: Problem) -> xr.Dataset:
     output = problem.model.outputs[0]
     return signal_dataset(
         {
-            m.name: Signal(m.name, m.time, m.channel(output.name), output.unit, title_of(output.name))
+            m.name: Signal(
+                m.name, m.time, m.channel(output.name), output.unit, title_of(output.name, output.description)
+            )
             for m in problem.measurements
         }
     )
@@ -30,7 +32,11 @@ def constant_data(problem: Problem) -> xr.Dataset:
     for measurement, drive in zip(problem.measurements, problem.drives, strict=True):
         for column, channel in enumerate(problem.model.inputs):
             signals[f"{measurement.name}_{channel.name}"] = Signal(
-                measurement.name, measurement.time, drive.inputs[:, column], channel.unit, title_of(channel.name)
+                measurement.name,
+                measurement.time,
+                drive.inputs[:, column],
+                channel.unit,
+                title_of(channel.name, channel.description),
             )
         signals[f"{measurement.name}_weight"] = Signal(
             measurement.name, measurement.time, (drive.weights[:, 0] > 0).astype(np.int8), "1", "1 where judged"
@@ -54,7 +60,9 @@ def _simulated(problem: Problem, values: list[Array]) -> xr.Dataset:
     output = problem.model.outputs[0]
     return signal_dataset(
         {
-            m.name: Signal(m.name, m.time, values[i], output.unit, f"simulated {title_of(output.name)}")
+            m.name: Signal(
+                m.name, m.time, values[i], output.unit, f"simulated {title_of(output.name, output.description)}"
+            )
             for i, m in enumerate(problem.measurements)
         }
     )

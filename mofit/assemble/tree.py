@@ -11,11 +11,11 @@ import xarray as xr
 
 from mofit import __version__
 from mofit.assemble.clusters import cluster_groups
-from mofit.assemble.comparison import baseline_groups, calibration_groups, per_frequency
+from mofit.assemble.comparison import calibration_groups
 from mofit.assemble.mixture import mixture_groups
 from mofit.assemble.signals import constant_data, observed_data
 from mofit.outcome import Outcome
-from mofit.result import SCHEMA, quantity
+from mofit.result import OWN_UNIT, SCHEMA, axis, parameter_axis, quantity
 from mofit.run import configuration_hash
 from mofit.search import hypervolume_history
 
@@ -28,13 +28,13 @@ def assemble(outcome: Outcome) -> xr.DataTree:
     groups: dict[str, xr.Dataset] = {
         "/": _root(outcome),
         "/parameters": _parameters(outcome),
+        **_held(outcome),
         "/search": _search(outcome),
         "/front": _front(outcome),
         "/minima": _minima(outcome),
         "/observed_data": observed_data(outcome.problem),
         "/constant_data": constant_data(outcome.problem),
-        "/per_frequency": per_frequency(outcome),
-        **baseline_groups(outcome),
+        **outcome.compared,
         **calibration_groups(outcome),
         **cluster_groups(outcome),
         **mixture_groups(outcome),
@@ -94,7 +94,7 @@ def _root(outcome: Outcome) -> xr.Dataset:
         "evaluations": json.dumps(_evaluations(outcome)),
         "warnings": json.dumps(list(outcome.warnings)),
     }
-    return xr.Dataset(test, {"test": ("test", list(problem.tests))}, attributes)
+    return xr.Dataset(test, {"test": axis("test", list(problem.tests))}, attributes)
 
 
 def _evaluations(outcome: Outcome) -> dict[str, int]:
@@ -109,10 +109,9 @@ def _parameters(outcome: Outcome) -> xr.Dataset:
     calibrated = {name for calibration in outcome.calibrations for name in calibration.problem.space.names}
     return xr.Dataset(
         {
-            "lower": quantity("parameter", space.lower, "as unit", "lower bound"),
-            "upper": quantity("parameter", space.upper, "as unit", "upper bound"),
-            "nominal": quantity("parameter", space.nominal, "as unit", "nominal value"),
-            "unit": quantity("parameter", [p.unit for p in space.parameters], "1", "SI unit"),
+            "lower": quantity("parameter", space.lower, OWN_UNIT, "lower bound"),
+            "upper": quantity("parameter", space.upper, OWN_UNIT, "upper bound"),
+            "nominal": quantity("parameter", space.nominal, OWN_UNIT, "nominal value"),
             "scale": quantity("parameter", [p.scale for p in space.parameters], "1", "scale that is searched"),
             "role": quantity(
                 "parameter",
@@ -122,8 +121,19 @@ def _parameters(outcome: Outcome) -> xr.Dataset:
             ),
             "description": quantity("parameter", [p.description or p.name for p in space.parameters], "1", "meaning"),
         },
-        {"parameter": ("parameter", list(space.names))},
+        parameter_axis(space.names, space.units),
     )
+
+
+def _held(outcome: Outcome) -> dict[str, xr.Dataset]:
+    """Parameters that were not identified, each a variable of its own with the value it was held at."""
+    held = outcome.configuration["fixed"]
+    variables = {
+        p.name: quantity((), held[p.name], p.unit, p.description or p.name)
+        for p in outcome.problem.model.parameters
+        if p.name in held
+    }
+    return {"/held": xr.Dataset(variables)} if variables else {}
 
 
 def _search_values(outcome: Outcome, points: np.ndarray) -> np.ndarray:
@@ -152,21 +162,21 @@ def _search(outcome: Outcome) -> xr.Dataset:
                 "checkpoint", np.minimum.accumulate(found.cost)[checkpoints - 1], "1", "least weighted mean NRMSD"
             ),
             "points": quantity(
-                ("evaluation", "parameter"), _search_values(outcome, found.points), "as unit", "evaluated points"
+                ("evaluation", "parameter"), _search_values(outcome, found.points), OWN_UNIT, "evaluated points"
             ),
             "nrmsd": quantity(("evaluation", "objective"), found.objectives, "1", "NRMSD per test"),
             "stored": quantity(
-                ("stored", "parameter"), _search_values(outcome, found.stored_points), "as unit", "stored cluster bests"
+                ("stored", "parameter"), _search_values(outcome, found.stored_points), OWN_UNIT, "stored cluster bests"
             ),
             "stored_cost": quantity("stored", found.stored_cost, "1", "weighted mean NRMSD"),
             "fireflies": quantity(
-                ("firefly", "parameter"), _search_values(outcome, found.fireflies), "as unit", "final swarm"
+                ("firefly", "parameter"), _search_values(outcome, found.fireflies), OWN_UNIT, "final swarm"
             ),
         },
         {
-            "parameter": ("parameter", list(outcome.problem.space.names)),
-            "objective": ("objective", list(outcome.dynamic.tests)),
-            "checkpoint": ("checkpoint", checkpoints),
+            **parameter_axis(outcome.problem.space.names, outcome.problem.space.units),
+            "objective": axis("objective", list(outcome.dynamic.tests)),
+            "checkpoint": axis("checkpoint", checkpoints),
         },
         {
             "method": outcome.configuration["search"],
@@ -185,13 +195,13 @@ def _front(outcome: Outcome) -> xr.Dataset:
             "parameters": quantity(
                 ("point", "parameter"),
                 _search_values(outcome, found.points[found.front]),
-                "as unit",
+                OWN_UNIT,
                 "non-dominated points",
             ),
         },
         {
-            "parameter": ("parameter", list(outcome.problem.space.names)),
-            "objective": ("objective", list(outcome.dynamic.tests)),
+            **parameter_axis(outcome.problem.space.names, outcome.problem.space.units),
+            "objective": axis("objective", list(outcome.dynamic.tests)),
         },
     )
 
@@ -202,12 +212,12 @@ def _minima(outcome: Outcome) -> xr.Dataset:
     problem = outcome.problem
     return xr.Dataset(
         {
-            "value": quantity(("minimum", "parameter"), problem.space.from_unit(points), "as unit", "refined minimum"),
+            "value": quantity(("minimum", "parameter"), problem.space.from_unit(points), OWN_UNIT, "refined minimum"),
             "nrmsd": quantity(("minimum", "test"), problem.objectives(points), "1", "NRMSD per test"),
             "log_posterior": quantity("minimum", [-m.value for m in outcome.minima], "1", "log posterior density"),
             "at_bound": quantity(
                 ("minimum", "parameter"), np.stack([m.at_bound for m in outcome.minima]), "1", "-1 lower, 1 upper bound"
             ),
         },
-        {"parameter": ("parameter", list(problem.space.names)), "test": ("test", list(problem.tests))},
+        {**parameter_axis(problem.space.names, problem.space.units), "test": axis("test", list(problem.tests))},
     )

@@ -9,12 +9,12 @@ from typing import Any
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
-BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "pipeline", "withheld-effects")
+BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "sampling", "pipeline", "withheld-effects")
 #: Those with figures, drawn by ``<name>_figures``.
 ILLUSTRATED = ("rastrigin",)
 
 
-def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
+def run_benchmark(name: str, **options: float | None) -> dict[str, Any]:
     """Run a benchmark: ``{"rows": one per competitor, "settings": what it was run with}``.
 
     Parameters
@@ -22,7 +22,7 @@ def run_benchmark(name: str, **options: int | None) -> dict[str, Any]:
     name
         One of `BENCHMARKS`.
     options
-        Of the benchmark's ``run``: runs, seed, jobs; None takes its default.
+        Of the benchmark's ``run``: runs, seed, jobs, limit; None takes its default.
 
     Raises
     ------

@@ -34,12 +34,13 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path, pictures: Map
     pictures
         File name in the folder to caption.
     """
-    if "report" in result["settings"]:
-        shutil.copytree(result["settings"]["report"], folder, dirs_exist_ok=True)
+    settings = result["settings"]
+    if "report" in settings:
+        shutil.copytree(settings["report"], folder, dirs_exist_ok=True)
         return folder / "README.md"
     columns = headings(result["rows"])
     folder.mkdir(parents=True, exist_ok=True)
-    options = "".join(f" --{key} {result['settings'][key]}" for key in ("runs", "seed") if key in result["settings"])
+    options = "".join(f" --{key} {settings[key]}" for key in ("runs", "seed", "limit") if key in settings)
     lines = [
         f"# Benchmark: {name}",
         "",
@@ -49,7 +50,7 @@ def write_page(name: str, result: Mapping[str, Any], folder: Path, pictures: Map
         "|---" * len(columns) + "|",
         *(f"| {' | '.join(cell(row.get(column)) for column in columns)} |" for row in result["rows"]),
         "",
-        *(f"- {key.replace('_', ' ')}: {value}" for key, value in result["settings"].items()),
+        *(f"- {key.replace('_', ' ')}: {value}" for key, value in settings.items()),
         "",
         *(f"![{caption}]({file})\n\n{caption}\n" for file, caption in pictures.items()),
     ]

@@ -1,239 +1,188 @@
-"""Sampling the posterior of the bundled campaign: mofit beside plain emcee and NUTS on the same likelihood."""
+"""The same identification by mofit and by the tools that people take for it: time, evaluations, minima, sample.
+
+Peers would take hours. What each *needs* is therefore counted by running its own search and its own sampler, seeded, on
+mofit's kernel in place of its simulator; what each of these evaluations *costs* is measured with its own simulator, on
+points drawn from those that were visited. The time is the product.
+"""
 
 from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib import import_module
+from functools import partial
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-import emcee
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.bench.competitors import Absent
-from mofit.bundled import bundled_campaign
-from mofit.calibration import calibrate
-from mofit.campaign_file import read_campaign
-from mofit.library import find_model
-from mofit.posing import choose_tests, main_problem
-from mofit.refine import RefineSettings, merge, refine
-from mofit.sample import SampleSettings, autocorrelation_time, effective_size, laplace_covariance, r_hat, sample_mode
-from mofit.settings import Settings, free_space
-from mofit.spread import spread_problem
+from mofit.bench.pipelines import by_diffrax, by_mofit, by_pints, by_pypesto, by_script
+from mofit.bench.pipelines.fast import Fast, Recorded
+from mofit.bench.pipelines.judge import FOUND, distinct_minima
+from mofit.bench.pipelines.peer import Peer
+from mofit.bench.pipelines.price import price
+from mofit.bench.pipelines.task import Task, task_of
+from mofit.bench.posed import MODEL, pose
+from mofit.bench.rows import Rows
+from mofit.problem import Problem
+from mofit.refine import Minimum, merge, refine
+from mofit.sample import SampleSettings, laplace_covariance
 
-Array = NDArray[np.float64]
+PEERS: tuple[Peer, ...] = (by_script.PEER, by_pypesto.PEER, by_diffrax.PEER, by_pints.PEER)
+#: Effective draws of every parameter, for all alike; mofit's stop rule asks for more besides.
+TARGET = SampleSettings.min_ess
+_LIBRARIES = ("numpy", "scipy", "emcee", "pypesto", "jax", "diffrax", "numpyro", "pints")
 
-MODEL = "maxwell_tyre"
+EXPLAINED = {
+    "minima": "mofit: modes that carry posterior weight; peers: reported points within "
+    f"{FOUND:.1f} nats of the best minimum, those that no hill separates counted once",
+    "ess": "least effective number of draws of any parameter; peers stop at the target, mofit at its own rule",
+    "evaluations": "log posteriors, all tests each; of peers counted by running their search and sampler, settings and "
+    "seed the same, on mofit's kernel",
+    "seconds": "mofit: measured, with its machine code on disk, as from the second run on; peers: evaluations of each "
+    "stage times what one takes their own simulator, the mean over points drawn from those visited; shared perfectly "
+    "by all cores (JAX uses them by itself); whatever else they do is left out",
+    "build seconds": "compilation, not in seconds: mofit's first run beside a later one; a first call of the simulator",
+    "ms to equal": "what one evaluation might take for the whole to take as long as mofit's, were the peer given "
+    "another simulator (pyPESTO takes models compiled by AMICI, PINTS those by Myokit)",
+    "deviation": "how far the peer's simulator and mofit's disagree on differences of the log posterior in the sample, "
+    "in nats, at most",
+    "given to peers": "what mofit's job works out itself: prior of the calibration, noise levels",
+}
 
 
-@dataclass(frozen=True)
-class Result:
-    """What a sampler reached.
+def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """All pipelines; what is finished is kept, so an interrupted run goes on where it stopped.
 
     Parameters
     ----------
-    ess
-        Least effective number of draws of a parameter.
-    r_hat
-        Largest split R-hat.
-    evaluations
-        Log posteriors computed; with gradient, where the sampler takes one.
-    gradients
-        How many of them were with gradient.
-    met
-        Whether the stop rule was met, as far as it applies.
-    note
-        How it was run.
-    """
-
-    ess: float
-    r_hat: float
-    evaluations: int
-    gradients: int
-    met: bool
-    note: str
-
-
-class Task:
-    """The best mode of the bundled campaign, all parameters free, as `mofit identify` samples it."""
-
-    def __init__(self, seed: int, jobs: int, limit: float) -> None:
-        settings = Settings(seed=seed, jobs=jobs)
-        campaign, model = read_campaign(bundled_campaign()), find_model(MODEL)
-        space = free_space(model, settings)
-        calibrations, _ = calibrate(model, campaign, space, seed=seed, jobs=jobs)
-        chosen = campaign.select(choose_tests(model, campaign, ()))
-        problem = main_problem(model, chosen, space, calibrations, settings)
-        starts = qmc.Sobol(len(space), rng=seed).random(16)
-        rough = merge(refine(problem.evaluate, starts))[0]
-        counted = problem.with_noise_at(rough.point)
-        minimum = merge(refine(counted.evaluate, rough.point[None]))[0]
-        near = counted.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
-        wide = spread_problem(near, minimum.point)
-        self.minimum = merge(refine(wide.evaluate, minimum.point[None], RefineSettings(join=None)))[0]
-        self.covariance = laplace_covariance(self.minimum.hessian)
-        self.problem = wide.around(self.minimum.point, np.sqrt(np.diag(self.covariance)))
-        self.tests, self.free = near.tests, near.space.names
-        self.settings, self.seed, self.limit = SampleSettings(), seed, limit
-
-    @property
-    def dimension(self) -> int:
-        """Number of parameters."""
-        return len(self.minimum.point)
-
-
-def run(seed: int = 0, jobs: int = 2, limit: float = 120.0) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """Sample one mode with every sampler to the stop rule, plain emcee at most until the limit, in seconds.
-
-    Effective draws are counted alike for ensembles, N times the walkers by tau; for NUTS it is the bulk ESS.
+    seed
+        Of every search and sampler.
+    jobs
+        Cores that mofit uses and that peers are taken to use.
+    limit
+        Seconds for which each peer's simulator is measured.
 
     Returns
     -------
     rows
-        One per sampler: ``name``, ``ess`` (least of the parameters), ``seconds``, ``ess_per_second``, ``evaluations``,
-        ``gradients`` (how many of these with gradient), ``r_hat``, ``stop_rule`` (met or not), ``note``; or ``skipped``
-        with the reason.
+        One per pipeline: ``minima``, ``ess``, ``evaluations`` and how many of them ``in_sampling`` and with
+        ``gradients``, ``seconds``, ``time`` (measured or computed), ``times_mofit``, ``build_seconds``, ``ms_search``
+        and ``ms_sampling`` of one evaluation, ``ms_to_equal``, ``deviation``, ``note``; or ``skipped`` with the reason.
     settings
-        The task and the machine.
+        What they were run with, and what the columns mean.
     """
-    task = Task(seed, jobs, limit)
-    task.problem.log_posterior(task.minimum.point[None])  # compiled before the clock runs, values and gradients
-    task.problem.evaluate(task.minimum.point[None])
-    samplers: tuple[tuple[str, Callable[[Task], Result]], ...] = (
-        ("mofit", _mofit),
-        ("emcee, default moves", _emcee),
-        ("numpyro NUTS", _nuts),
-    )
-    rows: list[dict[str, Any]] = []
-    for name, sample in samplers:
-        begin = time.perf_counter()
-        try:
-            found = sample(task)
-        except Absent as reason:
-            rows.append({"name": name, "skipped": str(reason)})
-            continue
-        seconds = time.perf_counter() - begin
-        rows.append({
-            "name": name,
-            "ess": found.ess,
-            "seconds": seconds,
-            "ess_per_second": found.ess / seconds,
-            "evaluations": found.evaluations,
-            "gradients": found.gradients,
-            "r_hat": found.r_hat,
-            "stop_rule": found.met,
-            "note": found.note,
-        })  # fmt: skip
+    options = {"seed": seed, "jobs": jobs, "limit": limit}
+    rows = Rows("pipeline", options)
+    rows.add({"name": "mofit"}, partial(_mofit, seed, jobs))
+    problem, minimum = pose(seed, jobs)
+    job = make_job(problem, minimum)
+    for peer in PEERS:
+        rows.add({"name": peer.name}, partial(_peer, peer, job, seed, jobs, limit, rows.rows[0]["seconds"]))
     settings = {
         "model": MODEL,
-        "tests": list(task.tests),
-        "free": list(task.free),
-        "seed": seed,
-        "jobs": jobs,
-        "limit_seconds": limit,
+        "tests": len(problem.tests),
+        "free parameters": len(problem.space),
+        **options,
+        "target ess": TARGET,
         "cpu": platform.processor() or platform.machine(),
         "python": platform.python_version(),
+        **_versions(),
+        **EXPLAINED,
     }
-    return rows, settings
+    return rows.done(), settings
 
 
-def _mofit(task: Task) -> Result:
-    chains = sample_mode(task.problem.log_posterior, task.minimum.point, task.covariance, (task.seed, 1), task.settings)
-    draws = (chains.steps - chains.discard) * int((~(chains.stuck | chains.left)).sum())
-    note = f"{chains.chain.shape[0]} ensembles of {chains.chain.shape[2]} walkers, {chains.steps} steps"
-    return Result(
-        float(draws / chains.tau.max()), float(chains.r_hat.max()), chains.evaluations, 0, chains.converged, note
-    )
+@dataclass(frozen=True)
+class Job:
+    """What all peers do.
 
-
-def _emcee(task: Task) -> Result:
-    """Four ensembles, one after the other in each round, as emcee's tutorial runs one."""
-    point, settings = task.minimum.point, task.settings
-    walkers, spread = 32, np.linalg.cholesky(task.covariance)
-    rng = np.random.default_rng(task.seed)
-    samplers = []
-    states: list[Any] = []
-    for _ in range(settings.ensembles):
-        sampler = emcee.EnsembleSampler(walkers, task.dimension, task.problem.log_posterior, vectorize=True)
-        sampler.random_state = np.random.RandomState(rng.integers(2**31)).get_state()
-        samplers.append(sampler)
-        inside = point + rng.standard_normal((walkers, task.dimension)) @ spread.T
-        states.append(np.clip(inside, 1e-9, 1 - 1e-9))
-    former, steps = np.full(task.dimension, np.inf), 0
-    end = time.perf_counter() + task.limit
-    while True:
-        states = [sampler.run_mcmc(state, 200) for sampler, state in zip(samplers, states, strict=True)]
-        steps += 200
-        chain = np.stack([sampler.get_chain() for sampler in samplers])
-        tau = autocorrelation_time(chain.transpose(1, 0, 2, 3).reshape(steps, -1, task.dimension))
-        discard, every = int(min(2 * tau.max(), steps // 2)), int(np.ceil(2 * tau.max()))
-        thinned = chain[:, discard::every].reshape(len(chain), -1, task.dimension)
-        mixing, effective = float(r_hat(thinned).max()), chain[:, discard:, :, 0].size / tau.max()
-        met = (
-            steps - discard > settings.tau_multiple * tau.max()
-            and bool(np.all(np.abs(tau - former) <= settings.tau_change * tau))
-            and effective >= settings.min_ess
-            and mixing <= settings.max_r_hat
-        )
-        if met or time.perf_counter() > end:
-            break
-        former = tau
-    note = f"{len(chain)} ensembles of {walkers} walkers, {steps} steps"
-    return Result(float(effective), mixing, chain[..., 0].size, 0, bool(met), note)
-
-
-def _nuts(task: Task, warmup: int = 300, draws: int = 500) -> Result:
-    """Four chains at once over the logits of the unit cube, exact gradients of the kernel, dense mass matrix.
-
-    Like the others it starts from the Laplace approximation: the logits are whitened by it.
+    Parameters
+    ----------
+    task
+        As plain arrays.
+    whole, near
+        Its log posterior by mofit's kernel in the box, and around the best minimum.
+    best
+        Negative log posterior of that minimum.
     """
+
+    task: Task
+    whole: Fast
+    near: Fast
+    best: float
+
+
+def make_job(problem: Problem, minimum: Minimum) -> Job:
+    """The job on a problem whose noise was counted at a minimum."""
+    whole = Fast(problem)
+    best = merge(refine(whole.evaluate, minimum.point[None]))[0]
+    near = whole.around(best.point, np.sqrt(np.diag(laplace_covariance(best.hessian))))
+    return Job(task_of(problem), whole, near, best.value)
+
+
+def _mofit(seed: int, jobs: int) -> dict[str, Any]:
+    first, later = by_mofit.first_and_later(seed, jobs)
+    return {
+        "minima": later.modes,
+        "ess": later.ess,
+        "evaluations": later.evaluations,
+        "in_sampling": later.in_sampling,
+        "gradients": later.gradients,
+        "seconds": later.seconds,
+        "time": "measured",
+        "times_mofit": 1.0,
+        "build_seconds": max(first.seconds - later.seconds, 0.0),
+        "ms_search": None,
+        "ms_sampling": None,
+        "ms_to_equal": None,
+        "deviation": None,
+        "note": "calibration, search, refinement, sampling, evidence and profiles; default settings",
+    }
+
+
+def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float) -> dict[str, Any]:
     try:
-        jax, infer = import_module("jax"), import_module("numpyro.infer")
-    except ImportError:
-        raise Absent("numpyro is not installed (extra 'bench')") from None
-    jax.config.update("jax_enable_x64", True)
-    evaluations = [0]
+        own = peer.own(job.task)
+        begin = time.perf_counter()
+        own(job.task.mean[None])
+        first = time.perf_counter() - begin
+        searched = Recorded(job.whole.descent if peer.gradients else job.whole.log_posterior)
+        ends = peer.search(searched, len(job.task.mean), seed)
+        minima = distinct_minima(ends, job.whole, job.best)
+        sampled = Recorded(job.near.descent if peer.gradients else job.near.log_posterior)
+        # after a search that found nothing the sampler starts from the best end, as it would in its user's hands
+        ess = min(peer.sample(sampled, start, seed, TARGET) for start in (minima if len(minima) else ends[:1]))
+    except Absent as reason:
+        return {"skipped": str(reason)}
+    in_search = price(own, searched, peer.gradients, limit / 2, seed)
+    in_sample = price(own, sampled, peer.gradients, limit / 2, seed)
+    cores = 1 if peer.gradients else jobs
+    seconds = (searched.points * in_search.seconds + sampled.points * in_sample.seconds) / cores
+    evaluations = searched.points + sampled.points
+    return {
+        "minima": len(minima),
+        "ess": ess,
+        "evaluations": evaluations,
+        "in_sampling": sampled.points,
+        "gradients": evaluations if peer.gradients else 0,
+        "seconds": seconds,
+        "time": "computed",
+        "times_mofit": seconds / unit,
+        "build_seconds": max(first - in_sample.seconds, 0.0) if peer.gradients else 0.0,
+        "ms_search": 1e3 * in_search.seconds,
+        "ms_sampling": 1e3 * in_sample.seconds,
+        "ms_to_equal": 1e3 * unit * cores / evaluations,
+        "deviation": in_sample.deviation,
+        "note": peer.note,
+    }
 
-    def evaluate(points: Any) -> tuple[Array, Array]:
-        batch = np.atleast_2d(np.asarray(points, dtype=float)).reshape(-1, task.dimension)
-        evaluations[0] += len(batch)
-        value, gradient, _ = task.problem.evaluate(batch)
-        bad = ~np.isfinite(value)
-        value, gradient = np.where(bad, np.inf, value), np.where(bad[:, None], 0.0, gradient)
-        return value.reshape(np.shape(points)[:-1]), gradient.reshape(np.shape(points))
 
-    def called(point: Any) -> Any:
-        shapes = jax.ShapeDtypeStruct(point.shape[:-1], float), jax.ShapeDtypeStruct(point.shape, float)
-        return jax.pure_callback(evaluate, shapes, point, vmap_method="expand_dims")
-
-    potential = jax.custom_vjp(lambda point: called(point)[0])
-    potential.defvjp(called, lambda gradient, slope: (slope[..., None] * gradient,))
-
-    centre = np.clip(task.minimum.point, 1e-3, 1 - 1e-3)
-    slope = 1 / (centre * (1 - centre))
-    middle, factor = np.log(centre / (1 - centre)), slope[:, None] * np.linalg.cholesky(task.covariance)
-
-    def energy(white: Any) -> Any:
-        logits = middle + factor @ white
-        log_volume = jax.numpy.sum(jax.nn.log_sigmoid(logits) + jax.nn.log_sigmoid(-logits))
-        return potential(jax.nn.sigmoid(logits)) - log_volume
-
-    start = np.random.default_rng(task.seed).standard_normal((4, task.dimension))
-    sampler = infer.MCMC(
-        infer.NUTS(potential_fn=energy, dense_mass=True),
-        num_warmup=warmup,
-        num_samples=draws,
-        num_chains=4,
-        chain_method="vectorized",
-        progress_bar=False,
-    )
-    sampler.run(jax.random.PRNGKey(task.seed), init_params=start)
-    found = middle + np.asarray(sampler.get_samples(group_by_chain=True)) @ factor.T
-    ess, mixing = float(effective_size(found).min()), float(r_hat(found).max())
-    met = ess >= task.settings.min_ess and mixing <= task.settings.max_r_hat
-    note = f"4 chains, {warmup} steps of warm-up, {draws} draws each; compilation included"
-    return Result(ess, mixing, evaluations[0], evaluations[0], met, note)
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _LIBRARIES:
+        with suppress(PackageNotFoundError):  # what is absent has a row that says so
+            found[name] = version(name)
+    return found

@@ -27,7 +27,7 @@ class Rows:
     def __init__(self, name: str, options: dict[str, Any], folder: Path = Path("runs/bench")) -> None:
         digest = hashlib.sha256(json.dumps(options, sort_keys=True).encode())
         package = Path(__file__).parents[1]
-        for file in sorted([*(package / "search").glob("*.py"), *(package / "bench").glob("*.py")]):
+        for file in sorted([*(package / "search").glob("*.py"), *(package / "bench").rglob("*.py")]):
             digest.update(file.read_bytes())
         self.path = folder / f"{name}-{digest.hexdigest()[:16]}.jsonl"
         self.rows: list[Row] = []

@@ -75,7 +75,7 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
         raise InputError.of("bench withheld-effects", "scripts/withheld is not there", "Run it in the repository")
     place = folder / f"withheld-effects-{seed}"
     options = [part for name, count in counts.items() for part in (f"--{name}", str(count))]
-    _program("generate.py", "--out", place, *options, "--seed", str(seed))
+    _program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
     results = place / f"results-{_code()}"
     first, following, without = (results / name for name in ("first", "next", "without"))
     # a process keeps what it compiled; after some campaigns that fills the memory

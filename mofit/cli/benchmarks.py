@@ -15,6 +15,7 @@ def bench(
     runs: int | None = None,
     seed: int | None = None,
     jobs: Jobs = None,
+    limit: float | None = None,
     report: Path | None = None,
     as_json: Json = False,
 ) -> int:
@@ -25,11 +26,13 @@ def bench(
     Parameters
     ----------
     name
-        kernel, rastrigin, cec2013, front, pipeline or withheld-effects.
+        kernel, rastrigin, cec2013, front, sampling, pipeline or withheld-effects.
     runs
         Runs of each competitor; slow ones may do fewer, which the table tells.
     seed
         Of all runs.
+    limit
+        Seconds that each competitor may take, where one would take hours; the table tells what came of it.
     report
         Folder to write the table into, as README.md, with the benchmark's figures.
     """
@@ -37,7 +40,7 @@ def bench(
     from mofit.bench.page import write_page
     from mofit.terminal import show_table
 
-    result = run_benchmark(name, runs=runs, seed=seed, jobs=jobs)
+    result = run_benchmark(name, runs=runs, seed=seed, jobs=jobs, limit=limit)
     if report is not None:
         write_page(name, result, report, draw_figures(name, report))
     if as_json:

@@ -117,7 +117,7 @@ def _report_campaign(campaign: Any, target: Path, as_json: bool) -> int:
     for row in rows:
         print(
             f"  {row['test']}: {row['procedure']}, {row['samples']} samples, {row['rate']:.4g} Hz,"
-            f" {row['seconds']:.3g} s, {row['gaps']} gaps"
+            f" {row['seconds']:.3g} s" + (f", cut from a record with {row['gaps']} gap(s)" if row["gaps"] else "")
         )
         for name, channel in row["channels"].items():
             low, high = channel["range"]

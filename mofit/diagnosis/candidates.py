@@ -36,10 +36,13 @@ class Candidate:
         The effect at every point of its grid, in the dynamic tests alone or in all; G of them.
     slopes
         S at the neutral size, (G, m + p, q), rows of the prior included.
+    steps
+        Runge-Kutta steps per sampling interval that they took.
     """
 
     causes: tuple[Cause, ...]
     slopes: Array
+    steps: int
 
     @property
     def effect(self) -> Effect:
@@ -116,11 +119,12 @@ def prepare(fitted: Fitted, effect: Effect) -> Candidate:
         return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
 
     if effect.states:
-        points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)[1]
+        simulator, points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)
     else:
         # nothing moves faster than in the fitted model
-        points = slopes(simulator.with_steps(max(model.simulator.steps or 1, _STATIC_STEPS)))
+        simulator = simulator.with_steps(max(model.simulator.steps or 1, _STATIC_STEPS))
+        points = slopes(simulator)
     found = causes(effect, observed.problem.space, observed.calibrations, observed.workshop)
     root = observed.prior_root[1]
     rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]
-    return Candidate(tuple(found), np.stack(rows))
+    return Candidate(tuple(found), np.stack(rows), simulator.steps or 1)

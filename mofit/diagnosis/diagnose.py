@@ -32,10 +32,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that was found; see the modules of the parts.
+    """All that was found; see the modules of the parts. In a notebook it shows its page.
 
     Parameters
     ----------
+    campaign, source
+        Title and source of the campaign.
     conclusion
         Verdict, sentence, effects, group.
     attribution
@@ -56,6 +58,8 @@ class Diagnosis:
         Processor time.
     """
 
+    campaign: str
+    source: str
     conclusion: Conclusion
     attribution: Attribution
     before: Where
@@ -69,6 +73,11 @@ class Diagnosis:
     noise_floor: Mapping[str, float]
     left_out: Mapping[str, str]
     seconds: float = field(compare=False)
+
+    def _repr_html_(self) -> str:
+        from mofit.diagnosis.page_data import diagnosis_page
+
+        return diagnosis_page(self)._repr_html_()
 
 
 def diagnose(
@@ -129,6 +138,8 @@ def diagnose(
     progress("shrink", 0, 1, "")
     shrinkage = None if reason else shrink(found, candidates, settings.seed)
     return Diagnosis(
+        campaign=campaign.title,
+        source=campaign.source,
         conclusion=conclusion,
         attribution=found,
         before=case.before,

@@ -135,6 +135,10 @@ class Hypothesis:
         gradient = (turned @ np.nan_to_num(residual)[..., None])[..., 0]
         return value, gradient, turned @ jacobian
 
+    def with_steps(self, steps: int) -> Hypothesis:
+        """The hypothesis with so many integration steps per sampling interval."""
+        return replace(self, simulator=self.simulator.with_steps(steps))
+
     def at_steps_for(self, u: Array) -> Hypothesis:
         """The hypothesis with as many integration steps as points u (K, d) need for the noise of the tests."""
         values = self.full(u)

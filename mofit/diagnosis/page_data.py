@@ -1,18 +1,25 @@
-"""What the diagnosis page draws, as plain data and arrays in SI units."""
+"""What the diagnosis page draws, as plain data and arrays in SI units, and the page."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.diagnose import Diagnosis
+from mofit.diagnosis.summary import summary
 from mofit.diagnosis.verdict import weights
 from mofit.drives import first_input
+from mofit.report.diagnosis import write_diagnosis
+from mofit.report.inline import Page
+
+if TYPE_CHECKING:
+    from mofit.diagnosis.diagnose import Diagnosis
 
 Array = NDArray[np.float64]
 
@@ -20,11 +27,20 @@ Array = NDArray[np.float64]
 _MOST_SAMPLES = 1500
 
 
+def diagnosis_page(diagnosis: Diagnosis) -> Page:
+    """The page of a diagnosis, to be seen in a notebook; nothing is written."""
+    with TemporaryDirectory() as folder:
+        return Page(write_diagnosis(page_data(diagnosis), Path(folder)).read_text(encoding="utf-8"))
+
+
 def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Maps, explanations, and measured beside simulated, for `mofit.report.diagnosis`."""
+    """Maps, explanations, and measured beside simulated, for `mofit.report.diagnosis`, over the plain summary."""
     found = diagnosis.attribution
     model = found.baseline.hypothesis.observed.problem.model
     return {
+        **summary(diagnosis),
+        "campaign": diagnosis.campaign,
+        "source": diagnosis.source,
         "model_title": model.title or model.name,
         "maps": {
             name: {

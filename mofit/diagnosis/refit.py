@@ -62,11 +62,16 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     starts = [_start(new, here, {})]
     starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
     try:
-        found = fit(new.at_steps_for(starts[-1][None]), np.array(starts))
+        found = fit(new.with_steps(_steps(old, added)), np.array(starts))
         best = found.minimum.point[None]
-        return fit(_recalibrated(found).at_steps_for(best), best)
+        return fit(_recalibrated(found).at_steps_for(best), best).put_away()
     except InputError:
         return None
+
+
+def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
+    """Steps that served the parts of a new hypothesis; the minimum is looked at more closely."""
+    return max([old.simulator.steps or 1, *(found.candidate.steps for found in added if found.effect.states)])
 
 
 def _recalibrated(fitted: Fitted) -> Hypothesis:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mofit.diagnosis.diagnose import Diagnosis
 from mofit.diagnosis.locate import Where, significant
+
+if TYPE_CHECKING:
+    from mofit.diagnosis.diagnose import Diagnosis
 
 #: Chance below which a spot of the gap is listed.
 _LISTED = 0.01

@@ -48,9 +48,9 @@ class Thresholds:
         So many of the best explanations are extended by one more effect.
     """
 
-    gap: float = 3e-3
+    gap: float = 2e-3
     more: float = 3e-3
-    left: float = 1e-3
+    left: float = 3e-4
     left_share: float = 0.02
     left_share_of_most: float = 0.002
     left_of_peak: float = 2e-4

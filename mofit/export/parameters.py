@@ -59,9 +59,16 @@ def held_values(tree: xr.DataTree) -> dict[str, float]:
     return {name: float(value) for name, value in json.loads(tree.attrs["configuration"]).get("fixed", {}).items()}
 
 
+def _held_units(tree: xr.DataTree) -> dict[str, str]:
+    """Units of the held parameters; none in a run that was written before they were kept."""
+    held = tree["held"].data_vars if "held" in tree.children else {}
+    return {str(name): str(variable.attrs["units"]) for name, variable in held.items()}
+
+
 def _rows(tree: xr.DataTree) -> Iterator[tuple[dict[str, Any], str, dict[str, Any]]]:
+    units = _held_units(tree)
     held = {
-        name: {**dict.fromkeys(NUMBERS), "value": value, "unit": "SI", "verdict": "held"}
+        name: {**dict.fromkeys(NUMBERS), "value": value, "unit": units.get(name, "SI"), "verdict": "held"}
         for name, value in held_values(tree).items()
     }
     for mode in summary(tree, Path())["modes"]:

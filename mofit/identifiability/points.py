@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mofit.errors import Fault, did_you_mean, raise_errors
 from mofit.parameters import ParameterSpace
+from mofit.sobol import sobol
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,15 +48,13 @@ def at_values(space: ParameterSpace, values: Array, at: Mapping[str, float]) -> 
 
 def around(space: ParameterSpace, values: Array, free: tuple[str, ...], count: int, seed: int) -> Array:
     """Values (d,) first, then scrambled Sobol points in a box around them, (count, d); only ``free`` ones vary."""
-    from scipy.stats import qmc
-
     if count == 1 or not free:
         return values[None]
     size = 1 << (count - 1).bit_length()
-    sobol = qmc.Sobol(len(free), scramble=True, rng=np.random.default_rng(seed)).random(size)[:count]
+    scattered = sobol(len(free), seed).random(size)[:count]
     unit = np.repeat(space.to_unit(values)[None], count, axis=0)
     places = [space.index(name) for name in free]
-    unit[1:, places] += AROUND * (2 * sobol[1:] - 1)
+    unit[1:, places] += AROUND * (2 * scattered[1:] - 1)
     moved = space.from_unit(np.clip(unit, 0.0, 1.0))
     found = np.repeat(values[None], count, axis=0)
     found[1:, places] = moved[1:, places]

@@ -59,6 +59,11 @@ class Drive:
         return np.ascontiguousarray(np.hstack([flag, self.measured, self.weights]).astype(float))
 
     @cached_property
+    def address(self) -> int:
+        """Of `data`."""
+        return self.data.ctypes.data
+
+    @cached_property
     def curve(self) -> PPoly:
         """The inputs over time."""
         time = np.arange(self.samples) * self.step

@@ -54,15 +54,17 @@ class Probing:
     def stiffness(self, p: Array) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""
         everything = Choice((Rung(RODAS4, 2),), np.zeros(len(p), dtype=np.intp))
-        visited = self.runner.stored(p, [everything] * len(self.drives), derivatives=False)
+        states = slice(self.outputs, None)
+        stored = self.runner.stored(p, [everything] * len(self.drives), derivatives=False, kept=states)
+        visited = [values[..., 0] for values in stored]
+        usual = [_usual(states) for states in visited[:_PROBES]]
         rng = np.random.default_rng(0)
         columns = []
-        for probe in range(_PROBES):
-            drive, states = self.drives[probe % len(self.drives)], visited[probe % len(self.drives)][..., 0]
-            usual = _usual(states[..., self.outputs :])
-            if len(usual):
-                row, sample = rng.choice(usual), rng.integers(drive.samples)
-                columns.append((states[row, sample, self.outputs :], drive.inputs[sample], drive.conditions))
+        for test in (probe % len(self.drives) for probe in range(_PROBES)):
+            if len(usual[test]):
+                drive = self.drives[test]
+                row, sample = rng.choice(usual[test]), rng.integers(drive.samples)
+                columns.append((visited[test][row, sample], drive.inputs[sample], drive.conditions))
         columns = columns or [(np.zeros(len(self.system.states)), self.drives[0].inputs[0], self.drives[0].conditions)]
         x, u, c = (np.stack(parts, axis=1).astype(float) for parts in zip(*columns, strict=True))
         return Stiffness(self.system, x, u, c)
@@ -98,7 +100,8 @@ class Probing:
 
     def _outputs(self, p: Array, rung: Rung, active: NDArray[np.bool_]) -> list[Array]:
         choices = [Choice((rung,), np.where(active[:, t], 0, -1)) for t in range(len(self.drives))]
-        return [values[..., : self.outputs, 0] for values in self.runner.stored(p, choices, derivatives=False)]
+        stored = self.runner.stored(p, choices, derivatives=False, kept=slice(self.outputs))
+        return [values[..., 0] for values in stored]
 
 
 def _usual(states: Array) -> NDArray[np.intp]:

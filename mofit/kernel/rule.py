@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.kernel.mesh import Rung
 from mofit.kernel.probing import Probing
 from mofit.kernel.runner import Choice
 from mofit.kernel.steps import RK4, RODAS4
 from mofit.kernel.stiffness import Stiffness
+from mofit.sobol import sobol
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def sample_box(lower: Array, upper: Array) -> Array:
     else:
         corners = np.random.default_rng(0).integers(0, 2, (_CORNERS, len(moved))).astype(float)
     unit = np.zeros((_POINTS + len(corners), len(lower)))
-    unit[:, moved] = np.concatenate([qmc.Sobol(len(moved), scramble=False).random(_POINTS), corners])
+    unit[:, moved] = np.concatenate([sobol(len(moved)).random(_POINTS), corners])
     values = low + unit * (high - low)
     values[:, wide] = np.exp(values[:, wide])
     return np.clip(values, lower, upper)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import math
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,14 +39,18 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Block:
-    """Parameter sets that go through one test together, padded to full lanes by repeating the last."""
+    """Parameter sets that go through a test together, padded to full lanes by repeating the last."""
 
-    drive: int
     rows: NDArray[np.intp]
     rung: Rung
     lanes: int
     parameters: Array  # (np, L): free, then fixed
     spread: bool
+
+    @cached_property
+    def address(self) -> int:
+        """Of the parameters."""
+        return self.parameters.ctypes.data
 
 
 def _lane_counts(shape: Shape) -> tuple[int, int]:
@@ -64,6 +71,12 @@ def _until(switches: tuple[Array, Array], drive: Drive) -> tuple[Array, Array]:
     before, after = switches
     kept = after < (drive.samples - 1) * drive.step
     return before[kept], after[kept]
+
+
+@cache
+def _threads(process: int, jobs: int) -> ThreadPoolExecutor:
+    """So many threads of this process: a forked one has none of its parent's."""
+    return ThreadPoolExecutor(jobs)
 
 
 class Runner:
@@ -90,7 +103,6 @@ class Runner:
         # compiled for all tests, and with the tables of these
         self._compiled: dict[tuple[str, bool, bool, bool], Variant] = {}
         self._variants: dict[tuple[str, bool, bool, bool], Variant] = {}
-        self._pool = ThreadPoolExecutor(jobs) if jobs > 1 else None
 
     def select(self, index: Sequence[int]) -> Runner:
         """The same on some of the tests; compiled code and tables are shared."""
@@ -121,24 +133,25 @@ class Runner:
         """Sums (see `loop.Shape.sums`) per parameter set and test."""
         blocks = self._blocks(p, choices, derivatives)
         sums = self._shape(derivatives).sums
-        shapes = [(sums, block.lanes) for block in blocks]
+        shapes = [(sums, block.lanes) for _, block in blocks]
         result = np.full((len(p), len(self.drives), sums), np.nan)
-        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=True), strict=True):
-            result[block.rows, block.drive] = values[:, : len(block.rows)].T
+        for (drive, block), values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=True), strict=True):
+            result[block.rows, drive] = values[:, : len(block.rows)].T
         return result
 
-    def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[Array]:
-        """Outputs and their derivatives, (N, n, ny, 1 + nf) per test."""
+    def stored(self, p: Array, choices: Sequence[Choice], derivatives: bool, kept: slice = slice(None)) -> list[Array]:
+        """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
         blocks = self._blocks(p, choices, derivatives)
         ny, columns = len(self.system.outputs), 1 + len(self.free) * derivatives
-        shapes = [(self.drives[block.drive].samples, columns, ny, block.lanes) for block in blocks]
-        result = [np.full((len(p), drive.samples, ny, columns), np.nan) for drive in self.drives]
-        for block, values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=False), strict=True):
-            result[block.drive][block.rows] = values[..., : len(block.rows)].transpose(3, 0, 2, 1)
+        shapes = [(self.drives[drive].samples, columns, ny, block.lanes) for drive, block in blocks]
+        count = len(range(ny)[kept])
+        result = [np.full((len(p), drive.samples, count, columns), np.nan) for drive in self.drives]
+        for (drive, block), values in zip(blocks, self._run(blocks, shapes, derivatives, reduce=False), strict=True):
+            result[drive][block.rows] = values[:, :, kept, : len(block.rows)].transpose(3, 0, 2, 1)
         return result
 
-    def _blocks(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[_Block]:
-        """Cut the batch into blocks that share a test, the fixed parameters and the way of integration."""
+    def _blocks(self, p: Array, choices: Sequence[Choice], derivatives: bool) -> list[tuple[int, _Block]]:
+        """The batch in blocks that share a test (its index), the fixed parameters and the way of integration."""
         ordered = np.ascontiguousarray(p[:, self._order])
         fixed = ordered[:, len(self.free) :]
         group, spread = np.zeros(len(p), dtype=int), False
@@ -147,17 +160,20 @@ class Runner:
             spread = len(sets) > _MANY
             group = np.zeros_like(group) if spread else group.ravel()
         sizes = _lane_counts(self._shape(derivatives))
-        blocks = []
-        for index, choice in enumerate(choices):
+        cut: dict[int, list[_Block]] = {}  # the same choice for several tests is the same blocks
+        for choice in choices:
+            if id(choice) in cut:
+                continue
+            cut[id(choice)] = []
             for number in np.unique(choice.taken[choice.taken >= 0]):
                 takes = choice.taken == number
                 for which in np.unique(group[takes]):
                     rows = np.flatnonzero(takes & (group == which))
-                    blocks += self._cut(index, rows, choice.rungs[number], ordered, spread, sizes)
-        return blocks
+                    cut[id(choice)] += self._cut(rows, choice.rungs[number], ordered, spread, sizes)
+        return [(index, block) for index, choice in enumerate(choices) for block in cut[id(choice)]]
 
     def _cut(
-        self, drive: int, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool, sizes: tuple[int, int]
+        self, rows: NDArray[np.intp], rung: Rung, ordered: Array, spread: bool, sizes: tuple[int, int]
     ) -> list[_Block]:
         narrow, wide = sizes
         narrow = wide if self._lean else narrow
@@ -166,7 +182,7 @@ class Runner:
             lanes = wide if len(rows) > wide // 2 else narrow
             taken, rows = rows[:lanes], rows[lanes:]
             padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
-            blocks.append(_Block(drive, taken, rung, lanes, np.ascontiguousarray(ordered[padded].T), spread))
+            blocks.append(_Block(taken, rung, lanes, np.ascontiguousarray(ordered[padded].T), spread))
         return blocks
 
     def _variant(self, rung: Rung, derivatives: bool, reduce: bool, spread: bool) -> Variant:
@@ -178,44 +194,41 @@ class Runner:
         return self._variants[key]
 
     def _run(
-        self, blocks: list[_Block], shapes: Sequence[tuple[int, ...]], derivatives: bool, reduce: bool
+        self, blocks: list[tuple[int, _Block]], shapes: Sequence[tuple[int, ...]], derivatives: bool, reduce: bool
     ) -> list[Array]:
         """The result of every block."""
-        results = [np.empty(shape) for shape in shapes]
+        bounds = [0, *np.cumsum([math.prod(shape) for shape in shapes]).tolist()]
+        whole = np.empty(bounds[-1])
+        place = whole.ctypes.data
         entries: dict[int, tuple[Callable[..., None], list[int]]] = {}
         records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
         alive: list[Table] = []
-        for index, (block, result) in enumerate(zip(blocks, results, strict=True)):
+        for index, (test, block) in enumerate(blocks):
             variant = self._variant(block.rung, derivatives, reduce, block.spread)
-            drive = self.drives[block.drive]
-            table = variant.table(drive, block.rung, self._switches[block.drive], block.parameters[len(self.free) :, 0])
+            drive = self.drives[test]
+            table = variant.table(drive, block.rung, self._switches[test], block.parameters[len(self.free) :, 0])
             code = variant.code(table.refined or self._lean, block.lanes)
             alive.append(table)
+            constant, rows, counts, substep_rows = table.addresses
+            result = place + whole.itemsize * bounds[index]
             records[index] = (
-                drive.samples,
-                block.parameters.ctypes.data,
-                table.constant.ctypes.data,
-                table.rows.ctypes.data,
-                drive.data.ctypes.data,
-                table.counts.ctypes.data,
-                table.substep_rows.ctypes.data,
-                result.ctypes.data,
-            )
+                drive.samples, block.address, constant, rows, drive.address, counts, substep_rows, result
+            )  # fmt: skip
             entries.setdefault(id(code), (code.entry, []))[1].append(index)
         for entry, members in entries.values():
             # the longest first, so that threads end together
-            members.sort(key=lambda i: -self.drives[blocks[i].drive].samples * blocks[i].rung.steps)
+            members.sort(key=lambda i: -self.drives[blocks[i][0]].samples * blocks[i][1].rung.steps)
             self._call(entry, np.ascontiguousarray(records[members]))
-        return results
+        return [whole[start:end].reshape(shape) for start, end, shape in zip(bounds, bounds[1:], shapes, strict=False)]
 
     def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         counter = ctypes.c_int64(0)
         arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
-        if self._pool is None or len(records) == 1:
-            entry(*arguments)
-            return
-        threads: list[Future[None]] = [
-            self._pool.submit(entry, *arguments) for _ in range(min(self.jobs, len(records)))
-        ]
-        for thread in threads:
-            thread.result()
+        helpers: list[Future[None]] = []
+        if (count := min(self.jobs, len(records)) - 1) > 0:
+            pool = _threads(os.getpid(), self.jobs - 1)
+            helpers = [pool.submit(entry, *arguments) for _ in range(count)]
+        entry(*arguments)
+        for helper in helpers:
+            if not helper.cancel():  # one that has not begun by now finds nothing left to do
+                helper.result()

@@ -6,6 +6,7 @@ import copy
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,16 @@ class Table:
     rows: Array
     counts: NDArray[np.int64]
     substep_rows: Array
+
+    @cached_property
+    def addresses(self) -> tuple[int, int, int, int]:
+        """Where they lie, in this order."""
+        return (
+            self.constant.ctypes.data,
+            self.rows.ctypes.data,
+            self.counts.ctypes.data,
+            self.substep_rows.ctypes.data,
+        )
 
     @property
     def refined(self) -> bool:

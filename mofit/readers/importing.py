@@ -14,6 +14,7 @@ from mofit.campaign import Array, Campaign, Measurement, Procedure
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.labels import CHANNELS, known_unit
 from mofit.readers.contained import Contained
+from mofit.readers.gaps import longest_whole
 from mofit.readers.map_file import ColumnMap, TestMap, quantity, read_map
 from mofit.readers.table import Table, read_table
 from mofit.units import UnitError, si_unit, to_si
@@ -126,14 +127,11 @@ def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple
     columns = {name: value for name, value in test.conditions.items() if isinstance(value, ColumnMap)}
     fixed = {name: value for name, value in test.conditions.items() if not isinstance(value, ColumnMap)}
     own, condition_units = _conditions(where, fixed, faults)
+    sensed: dict[str, Array] = {}
     for name, column in columns.items():
-        place = f"condition '{name}'"
         try:
-            values, condition_units[name] = _column(where, place, column, known_unit(name), table, test.rows)
-            faults += finite_faults(f"{where}, {place}", values)
-            own[name] = float(np.mean(values))
-            if not faults:
-                faults += finite_faults(f"{where}, {place}, mean", np.atleast_1d(own[name]))
+            place = f"condition '{name}'"
+            sensed[name], condition_units[name] = _column(where, place, column, known_unit(name), table, test.rows)
         except InputError as error:
             faults += error.faults
     channels: dict[str, dict[str, Array]] = {"input": {}, "output": {}}
@@ -161,16 +159,39 @@ def _measurement(test: TestMap, table: Table, shared: dict[str, float]) -> tuple
     rate = numbers.pop("sample_rate")
     if test.time is not None:
         time, _ = _column(where, "channel 'time'", test.time, "s", table, test.rows)
-        time = time - time[0]
     else:
         length = max((len(v) for group in channels.values() for v in group.values()), default=0)
         time = np.arange(length) / float(rate or 1.0)
+    gaps = 0
+    if test.gaps == "longest":
+        time, gaps = _cut(time, [channels["input"], channels["output"], sensed], numbers)
+    time = time - time[0] if time.size else time
     faults = _faults(where, test, time, channels, numbers["frequency"])
+    for name, values in sensed.items():
+        faults += finite_faults(f"{where}, condition '{name}'", values)
+        own[name] = float(np.mean(values)) if values.size else np.nan
+    if not faults:
+        faults = [f for name in sensed for f in finite_faults(f"{where}, mean of '{name}'", np.atleast_1d(own[name]))]
     raise_errors(faults)
     procedure = Procedure(
         test.name, test.procedure, time, channels["input"], {**shared, **own}, **numbers, hold=test.hold
     )
-    return Measurement(procedure, channels["output"], units), condition_units
+    return Measurement(procedure, channels["output"], units, gaps), condition_units
+
+
+def _cut(time: Array, groups: Sequence[dict[str, Array]], numbers: dict[str, float | None]) -> tuple[Array, int]:
+    """The time of the longest stretch without gaps, to which signals and numbers are cut in place; and the gaps."""
+    recorded = [values for group in groups for values in group.values() if len(values) == len(time)]
+    kept, gaps = longest_whole(time, recorded)
+    for group in groups:
+        group.update({name: values[kept] for name, values in group.items() if len(values) == len(time)})
+    if kept.start < kept.stop:
+        cut = float(time[kept.start] - time[np.isfinite(time)][0])
+        if numbers["start_time"] is not None:
+            numbers["start_time"] += cut
+        if numbers["transient"] is not None:
+            numbers["transient"] = max(numbers["transient"] - cut, 0.0)
+    return time[kept], gaps
 
 
 def _faults(

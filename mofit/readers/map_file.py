@@ -39,7 +39,8 @@ class TestMap(_Strict):
     """One test, or with ``pattern`` one for every file whose whole name matches.
 
     Named groups of the pattern fill ``{group}`` in the other texts; ``decimal`` is the sign that
-    stands for the decimal point in file names. A condition that is a column is its mean.
+    stands for the decimal point in file names. A condition that is a column is its mean. ``gaps`` says what becomes of
+    a record with gaps: it is refused, or its ``longest`` whole stretch is the test.
     """
 
     name: str
@@ -53,6 +54,7 @@ class TestMap(_Strict):
     transient: Quantity | None = None
     hold: str = ""
     rows: tuple[int, int] | None = None
+    gaps: Literal["refuse", "longest"] = "refuse"
     conditions: dict[str, Quantity | ColumnMap] = Field(default_factory=dict)
     channels: dict[str, ColumnMap] = Field(default_factory=dict)
     time: ColumnMap | None = None

@@ -62,6 +62,9 @@ _SECTIONS = (
 )
 """In the order of the page; a section that finds nothing to show returns None."""
 
+_LONGEST = (posterior_section, overlay_section)
+"""More than half of the work."""
+
 _REPORT = _Page(REPORT_FILE, DATA_FOLDER, "", _SECTIONS)
 _UNCERTAINTY = _Page(UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, "Uncertainty: ", UNCERTAINTY_SECTIONS)
 
@@ -87,9 +90,17 @@ def build_report(folder: Path | str) -> Path:
     return write_report(open_result(folder), _folder(folder))
 
 
-def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
-    """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder."""
-    return _write(_REPORT, tree, Path(folder))
+def write_report(tree: xr.DataTree, folder: Path | str, processes: int | None = None) -> Path:
+    """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder.
+
+    Parameters
+    ----------
+    tree, folder
+        The result and the folder.
+    processes
+        How many draw; see `draw_sections`.
+    """
+    return _write(_REPORT, tree, Path(folder), processes)
 
 
 def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Path:
@@ -111,10 +122,10 @@ def _folder(source: Path | str) -> Path:
     return path.parent if path.is_file() else path
 
 
-def _write(page: _Page, tree: xr.DataTree, folder: Path) -> Path:
+def _write(page: _Page, tree: xr.DataTree, folder: Path, processes: int | None = None) -> Path:
     run = Run(tree)
     with mpl.rc_context(RC):
-        sections = draw_sections(run, page.makers)
+        sections = draw_sections(run, page.makers, processes, _LONGEST)
     _write_data(sections, folder / page.data)
     file = folder / page.file
     with atomic_path(file) as temporary:

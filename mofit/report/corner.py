@@ -92,9 +92,8 @@ def _shading(inside: Array, colour: str) -> Array:
     cell = _BINS
     border = round(_GAP * cell / (1 - 2 * _GAP))
     size = cell + 2 * border
-    image = np.ones((d * size, d * size, 4))
-    image[..., 3] = 0.0
-    image[..., :3] = to_rgb(colour)
+    image = np.zeros((d * size, d * size, 4), dtype=np.uint8)  # bytes: half the time that numbers take to draw
+    image[..., :3] = np.round(255 * np.array(to_rgb(colour)))
     kernel = _kernel(1.6)
     for row in range(d):
         for column in range(row):
@@ -102,8 +101,8 @@ def _shading(inside: Array, colour: str) -> Array:
             smooth = kernel @ bins @ kernel.T
             ordered = np.sort(smooth.ravel())[::-1]
             mass = np.cumsum(ordered) / max(ordered.sum(), 1e-300)
-            alpha = np.zeros_like(smooth)
-            for level, shade in zip(_LEVELS, (0.22, 0.5, 0.85), strict=True):
+            alpha = np.zeros_like(image, shape=smooth.shape)
+            for level, shade in zip(_LEVELS, (56, 128, 217), strict=True):
                 threshold = ordered[min(int(np.searchsorted(mass, level)), ordered.size - 1)]
                 alpha[smooth >= max(threshold, 1e-300)] = shade
             top, left = row * size + border, column * size + border

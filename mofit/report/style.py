@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
@@ -145,6 +146,15 @@ def legend_above(canvas: Canvas, handles: Sequence[Any]) -> None:
 def line_key(colour: str, label: str, **style: Any) -> Line2D:
     """A legend entry."""
     return Line2D([], [], color=colour, label=label, **style)
+
+
+def warm_up() -> None:
+    """Draw what takes long the first time: fonts, symbols, a logarithmic axis, a legend."""
+    with mpl.rc_context(RC):
+        canvas, (axes, *_), _ = panels(1, 1, 1.0)
+        axes.loglog([1, 10], [1, 10], label=r"$d_{\mathrm{M}}$")
+        legend_above(canvas, axes.get_lines())
+        image_of(canvas)
 
 
 def image_of(canvas: Canvas) -> str:

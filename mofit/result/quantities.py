@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
+
+#: units of a variable over parameters: each has its own, which the coordinate ``unit`` beside it names
+OWN_UNIT = "as unit"
+
+#: what the labels along a dimension are
+AXES = {
+    "parameter": "parameter of the model",
+    "parameter_": "parameter of the model, second axis of a matrix",
+    "parameter_baseline": "parameter of the baseline model",
+    "test": "test of the campaign",
+    "objective": "test whose NRMSD is an objective of the search",
+    "chain": "independent ensemble of walkers",
+    "draw": "draw from the posterior within its ensemble",
+    "checkpoint": "evaluations of the search so far",
+}
 
 
 def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name: str) -> xr.Variable:
@@ -25,6 +40,17 @@ def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name
         What the variable is, in a few words.
     """
     return xr.Variable(dims, np.asarray(values), {"units": units, "long_name": long_name})
+
+
+def axis(dim: str, values: ArrayLike) -> xr.Variable:
+    """A coordinate: the labels along ``dim``, which says what they are."""
+    known = AXES.get(dim) or f"parameter of the stage {dim.removeprefix('parameter_').replace('_', ' ')}"
+    return quantity(dim, values, "1", known)
+
+
+def parameter_axis(names: Iterable[str], units: Iterable[str], dim: str = "parameter") -> dict[str, xr.Variable]:
+    """Coordinates of variables over parameters: the names, and beside each its SI unit (see `OWN_UNIT`)."""
+    return {dim: axis(dim, list(names)), "unit": quantity(dim, list(units), "1", "SI unit of the parameter")}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
-from scipy.stats import rankdata
 
 from mofit.parameters import Array
 
@@ -111,7 +110,8 @@ def _folded(draws: Array) -> Array:
 
 def _normal_scores(draws: Array) -> Array:
     """Normal quantiles of the ranks over all chains (Blom's fractional offset 3/8)."""
-    ranks = rankdata(draws, method="average").reshape(draws.shape)
+    _, which, times = np.unique(draws, return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(times) - (times - 1) / 2)[which].reshape(draws.shape)  # ties share the mean of their ranks
     return np.asarray(ndtri((ranks - 3 / 8) / (draws.size + 1 / 4)), dtype=float)
 
 

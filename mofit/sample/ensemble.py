@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import emcee
 import numpy as np
-from emcee.moves import RedBlueMove
 
 from mofit.errors import InputError
 from mofit.parameters import Array
+from mofit.sample.lean_emcee import DEMove, RedBlueMove, StretchMove
 from mofit.sample.moves import SnookerMove, StudentMove
 from mofit.sample.settings import SampleSettings
 from mofit.sample.student import Students
@@ -115,8 +114,8 @@ def moves(proposal: Students, time: float, settings: SampleSettings) -> list[tup
     student = settings.student * min(1.0, settings.patience / time)
     mixture = [
         (StudentMove(proposal), student),
-        (emcee.moves.DEMove(), settings.differential),
-        (emcee.moves.StretchMove(), settings.stretch),
+        (DEMove(), settings.differential),
+        (StretchMove(), settings.stretch),
         (SnookerMove(), settings.snooker),
     ]
     return [(move, share) for move, share in mixture if share > 0]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
-from scipy.stats import qmc
 
 from mofit.parameters import Array
+from mofit.sobol import sobol
 
 LEAST_CURVATURE = 1e-3
 """Added to the curvature in every direction: changes the value by less than 0.001 d across the whole box."""
@@ -60,7 +60,7 @@ def mode_weights(log_evidence: ArrayLike) -> Array:
 def _log_box_probability(factor: Array, low: Array, high: Array) -> float:
     """Log probability that factor @ z, z standard normal, lies between low and high (GHK simulator)."""
     dimension = len(low)
-    uniform = qmc.Sobol(dimension, scramble=True, rng=0).random_base2(11)  # fixed: a quadrature rule, not a random draw
+    uniform = sobol(dimension, 0).random(2048)  # fixed: a quadrature rule, not a random draw
     log_weight = np.zeros(len(uniform))
     z = np.zeros_like(uniform)
     for k in range(dimension):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from emcee.moves import RedBlueMove
 
 from mofit.parameters import Array
+from mofit.sample.lean_emcee import RedBlueMove
 from mofit.sample.student import Students
 
 

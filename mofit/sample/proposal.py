@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal
 
 from mofit.parameters import Array
 from mofit.sample.student import Students
@@ -116,7 +116,7 @@ def fitted_mixture(points: Array, components: int, iterations: int = 30) -> tupl
     weights, covariances = np.full(components, 1 / components), np.tile(prior, (components, 1, 1))
     for _ in range(iterations):
         logs = np.stack([
-            np.log(w) + multivariate_normal.logpdf(points, m, c)
+            np.log(w) + _log_normal(points, m, c)
             for w, m, c in zip(weights, means, covariances, strict=True)
         ])  # fmt: skip
         share = np.exp(logs - logsumexp(logs, axis=0))
@@ -127,3 +127,11 @@ def fitted_mixture(points: Array, components: int, iterations: int = 30) -> tupl
         scatter = np.einsum("kn,kni,knj->kij", share, gaps, gaps, optimize=True)
         covariances = (scatter + worth * prior) / (mass + worth)[:, None, None]
     return weights, means, covariances
+
+
+def _log_normal(points: Array, mean: Array, covariance: Array) -> Array:
+    """Log density of a Gaussian at points (n, d), shape (n,)."""
+    size, axes = eigh(covariance)
+    whitened = (points - mean) @ (axes * np.sqrt(1 / size))
+    constant = len(mean) * np.log(2 * np.pi) + np.sum(np.log(size))
+    return np.asarray(-0.5 * (constant + np.sum(whitened**2, axis=1)))

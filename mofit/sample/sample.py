@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from mofit.parameters import Array
 from mofit.sample.chains import Chains, assess
 from mofit.sample.ensemble import LogPosterior, safe
-from mofit.sample.run import Run, begin, burn_in, extend, produce
+from mofit.sample.run import begin, burn_in, extend, produce
 from mofit.sample.settings import SampleSettings
-from mofit.sample.storage import Store, origin
+from mofit.sample.storage import Keeper, Store, origin
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, note)``."""
@@ -49,8 +49,8 @@ def sample_mode(
     settings
         See `SampleSettings`.
     backend_path
-        File of chains, rewritten atomically after each chunk. If it holds this mode already, that run is continued, and
-        ends in the same numbers as if it had not been interrupted.
+        File of chains, rewritten atomically every second and at the end. If it holds this mode already, that run is
+        continued, and ends in the same numbers as if it had not been interrupted.
     mode
         Name of the mode, its group in the file.
     progress
@@ -70,10 +70,11 @@ def sample_mode(
     middle, spread = np.asarray(centre, dtype=float), np.asarray(covariance, dtype=float)
     store = _store(backend_path, mode, middle, seed, settings)
     run = store.load() if store else None
+    keeper = Keeper(store, run)
     if run is None:
         run = begin(target, middle, spread, np.random.SeedSequence(seed), settings)
     while not run.settled:
-        run = _kept(burn_in(target, run, settings), store)
+        run = keeper.keep(burn_in(target, run, settings))
         if progress is not None:
             progress(0, settings.max_steps, f"{mode}: burn-in round {run.rounds}, mean log posterior {run.level:.2f}")
     if not run.producing:
@@ -83,9 +84,10 @@ def sample_mode(
         if progress is not None:
             progress(run.steps, settings.max_steps, f"{mode}: {'; '.join(chains.reasons) or 'converged'}")
         if chains.converged or run.steps >= settings.max_steps:
+            keeper.keep(run, last=True)
             return chains
         steps = _next_chunk(chains, settings)
-        run = _kept(extend(target, run, settings, steps, chains.tau), store)
+        run = keeper.keep(extend(target, run, settings, steps, chains.tau))
 
 
 def _store(
@@ -102,9 +104,3 @@ def _next_chunk(chains: Chains, settings: SampleSettings) -> int:
     lacking = np.ceil((settings.tau_multiple + 2) * tau) - chains.steps if np.isfinite(tau) else chains.steps
     least, most = max(settings.chunk, chains.steps // 20), max(2 * settings.chunk, chains.steps)
     return int(min(max(least, min(lacking, most)), settings.max_steps - chains.steps))
-
-
-def _kept(run: Run, store: Store | None) -> Run:
-    if store is not None:
-        store.save(run)
-    return run

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 
-import emcee
 import h5py
 import numpy as np
 
 from mofit.errors import InputError
 from mofit.parameters import Array
 from mofit.sample.ensemble import Ensemble
+from mofit.sample.lean_emcee import emcee
 from mofit.sample.run import Run
 from mofit.sample.student import Students
+
+SECONDS = 1.0
+"""From one checkpoint to the next, at least: of quick posteriors it would take longer than the sampling."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,30 @@ class Store:
             group.attrs[name] = getattr(run, name)
         for number, ensemble in enumerate(run.ensembles):
             _write_ensemble(group.create_group(f"ensemble{number}"), ensemble)
+
+
+@dataclass
+class Keeper:
+    """Saves a run as it grows: at once, then every `SECONDS`, and at the end.
+
+    Parameters
+    ----------
+    store
+        Where; None keeps nothing.
+    saved, time
+        What was saved last (or loaded), and when.
+    """
+
+    store: Store | None
+    saved: Run | None = None
+    time: float = -math.inf
+
+    def keep(self, run: Run, last: bool = False) -> Run:
+        """The same run, saved if it is time."""
+        if self.store is not None and run is not self.saved and (last or monotonic() - self.time >= SECONDS):
+            self.store.save(run)
+            self.saved, self.time = run, monotonic()
+        return run
 
 
 def origin(**facts: object) -> str:

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import qmc
 
 from mofit.errors import InputError, check_settings
 from mofit.parameters import Array
@@ -15,6 +14,7 @@ from mofit.search.clusters import Clustering, cluster, one_cluster
 from mofit.search.front import nondominated
 from mofit.search.ledger import Objectives
 from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
+from mofit.sobol import sobol
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,7 @@ def weighted_mean(objectives: Array, weights: Array) -> Array:
 def _first_positions(dimension: int, rng: np.random.Generator, settings: EffaSettings) -> Array:
     if settings.start == "uniform":
         return rng.random((settings.fireflies, dimension))
-    sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
-    return sobol.random_base2(int(np.ceil(np.log2(settings.fireflies))))[: settings.fireflies]
+    return sobol(dimension, rng).random(1 << (settings.fireflies - 1).bit_length())[: settings.fireflies]
 
 
 def _evaluated(objectives: Objectives, points: Array) -> Array:

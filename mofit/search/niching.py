@@ -9,7 +9,6 @@ from math import gamma, log, pi
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
-from scipy.stats import qmc
 
 from mofit.errors import InputError, check_settings
 from mofit.parameters import Array
@@ -21,6 +20,7 @@ from mofit.search.minima import Minima
 from mofit.search.polish import Descent, PolishSettings, descend
 from mofit.search.result import Indices, Iteration, Progress, SearchResult, normalised_weights
 from mofit.search.unseen import expected_unseen
+from mofit.sobol import sobol
 
 
 @dataclass(frozen=True)
@@ -134,13 +134,13 @@ def niching(
     """
     settings = settings or NichingSettings()
     ledger = Ledger(objectives, gradients, dimension, settings.evaluations, settings.gradient_cost)
-    sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
+    scattered = sobol(dimension, rng)
     sample: Indices = np.empty(0, dtype=np.int64)
     main = Minima(np.ones(1))
     history: list[Iteration] = []
     unseen = np.inf
     while (size := min(max(settings.round, len(sample) // 20), ledger.left)) > 0:
-        fresh, values = ledger.evaluate(sobol.random(size if len(sample) else 2 ** int(np.log2(size))))
+        fresh, values = ledger.evaluate(scattered.random(size if len(sample) else 2 ** int(np.log2(size))))
         if len(sample) == 0:
             main = _weighted_mean(weights, values)
             ledger.reserved = int(settings.kept_back(values.shape[1]) * ledger.budget)

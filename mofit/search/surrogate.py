@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import qmc
 
 from mofit.errors import InputError
 from mofit.parameters import Array
@@ -16,6 +15,7 @@ from mofit.search.ledger import Ledger, Objectives
 from mofit.search.minima import Minima
 from mofit.search.niching import NichingSettings, niching
 from mofit.search.result import Iteration, Progress, SearchResult, normalised_weights
+from mofit.sobol import sobol
 
 
 @dataclass(frozen=True)
@@ -81,8 +81,9 @@ def surrogate(
     """
     settings = settings or SurrogateSettings()
     ledger = Ledger(objectives, _no_gradients, dimension, settings.evaluations)
-    sobol = qmc.Sobol(dimension, scramble=True, rng=rng)
-    _, values = ledger.evaluate(sobol.random(settings.start if settings.evaluations >= 100 else settings.start // 2))
+    first = settings.start if settings.evaluations >= 100 else settings.start // 2
+    scattered = sobol(dimension, rng)
+    _, values = ledger.evaluate(scattered.random(first))
     main = Minima(normalised_weights(weights, values.shape[1]))
     if np.isfinite(main.cost(values)).sum() < 2 * dimension + 2:
         raise InputError.of("search", f"too many of {len(values)} start points failed", "Narrow the bounds")
@@ -104,7 +105,7 @@ def surrogate(
         history.append(Iteration(ledger.used, float(cost.min()), len(minima), 0.0))
         if progress is not None:
             progress(ledger.used, ledger.budget, f"best {cost.min():.4g}, {len(minima)} minima of the surrogate")
-        candidates = sobol.random(256)
+        candidates = scattered.random(256)
         doubt = process.deviation(candidates)
         open_ = minima[~_near(minima, ledger.points, settings.confirmed)]
         if ledger.left == 0 or (len(open_) == 0 and doubt.max() < settings.settled):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from mofit.signals.transient import find_settled
 
 #: samples that must repeat, where the record holds less than two periods
 _SHORTEST_OVERLAP = 64
+#: tests whose records are remembered: every problem that is posed on a campaign asks again
+_REMEMBERED = 64
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,7 @@ class Record:
     noise_floor: Mapping[str, float]
 
 
+@lru_cache(maxsize=_REMEMBERED)
 def analyse(measurement: Measurement, driver: str | None = None, output: str | None = None) -> Record:
     """Period, transient and noise of a test, from its data; the label is not used.
 

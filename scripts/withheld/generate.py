@@ -1,7 +1,7 @@
 """Campaigns of a tyre that hide an effect, none, or one that no library knows; what they hide goes into a sealed file.
 
     python scripts/withheld/generate.py --out DIR [--none 400] [--per-effect 20] [--unknown 20] [--pairs 60] [--kin 10]
-                                        [--seed 1] [--list]
+                                        [--seed 1] [--jobs 1] [--list]
 
 DIR/campaigns/<name>.nc are campaign files with opaque names; DIR/labels.sealed says what is in them, packed so that
 nobody reads it by accident. Counts of effects, strangers (--unknown) and kin are per cause. What exists already is
@@ -17,6 +17,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -41,22 +44,30 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     done = unseal(labels)
     missing = [s for s in wanted if s.campaign not in done or not (folder / f"{s.campaign}.nc").exists()]
-    for start in range(0, len(missing), BATCH):
-        make(missing[start : start + BATCH], folder, labels, done)
-        print(f"{min(start + BATCH, len(missing))} of {len(missing)}", file=sys.stderr)
+    parts = [missing[start : start + BATCH] for start in range(0, len(missing), BATCH)]
+    known = [{slot.campaign: done[slot.campaign] for slot in part if slot.campaign in done} for part in parts]
+    count = 0
+    with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
+        for entries in pool.map(partial(make, folder=folder), parts, known):
+            for name, entry in entries.items():
+                seal(labels, name, entry)
+            count += len(entries)
+            print(f"{count} labels, of {len(missing)} campaigns", file=sys.stderr)
 
 
-def make(part: list[Slot], folder: Path, labels: Path, done: Mapping[str, dict[str, Any]]) -> None:
-    """Write some campaigns and seal their labels."""
-    entries = [done[slot.campaign] if slot.campaign in done else label(slot) for slot in part]
+def make(part: list[Slot], known: Mapping[str, dict[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
+    """Write some campaigns, and return the labels of those that are not known yet."""
+    fresh = {slot.campaign: label(slot) for slot in part if slot.campaign not in known}
+    entries = {**known, **fresh}
     settings = [setting(slot)[1] for slot in part]
-    jobs = [(case_of(entry), test) for entry, tests in zip(entries, settings, strict=True) for test in tests]
+    jobs = [
+        (case_of(entries[slot.campaign]), test) for slot, tests in zip(part, settings, strict=True) for test in tests
+    ]
     forces = iter(respond(jobs))
-    for slot, entry, tests in zip(part, entries, settings, strict=True):
+    for slot, tests in zip(part, settings, strict=True):
         rng = slot.rng(2)
         write_file(folder / f"{slot.campaign}.nc", tests, [add_noise(next(forces), slot.noise, rng) for _ in tests])
-        if slot.campaign not in done:
-            seal(labels, slot.campaign, entry)
+    return fresh
 
 
 def _options() -> argparse.Namespace:
@@ -65,6 +76,7 @@ def _options() -> argparse.Namespace:
     for name, count in (("none", 400), ("per-effect", 20), ("unknown", 20), ("pairs", 60), ("kin", 10)):
         parser.add_argument(f"--{name}", type=int, default=count, help=f"default {count}")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes; campaigns do not depend on it")
     parser.add_argument("--list", action="store_true", help="print the causes and stop")
     return parser.parse_args()
 

@@ -92,6 +92,7 @@ def row(p: Pairing) -> dict[str, Any]:
         "beyond_library": p.label.get("beyond_library"),
         "verdict": p.verdict,
         "named": list(p.named),
+        "score": p.score if p.label["causes"] else None,
         "exact": p.exact,
         "actual_shrinkage": p.actual,
         "shrinkage": p.result.get("shrinkage"),

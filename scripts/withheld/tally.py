@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-#: strength from which an effect is strong, and from which it is there at all
+#: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
 #: what the whole library leaves of a stranger, and the best other effect of a removed one, from which it must be missed
 CLEAR, SEPARABLE = 50.0, 100.0
@@ -57,9 +57,20 @@ class Pairing:
         return self.verdict in ("effect", "several") and set(self.named) == set(self.true)
 
     @property
+    def first(self) -> bool:
+        """Whether it names the true effect first."""
+        return self.named[:1] == self.true
+
+    @property
     def strength(self) -> float:
-        """Of the cause; the weaker beside the other for two."""
+        """Of the cause, from the truth; the weaker beside the other for two."""
         return min(cause["strength_beside_others"] for cause in self.label["causes"])
+
+    @property
+    def score(self) -> float:
+        """Statistic T of the true effect in the diagnosis' own score test at the model without effects."""
+        tested = {one["name"]: one["statistic"] for one in self.result.get("candidates") or ()}
+        return min(float(tested.get(name, 0.0)) for name in self.true)
 
 
 def upper_bound(hits: int, count: int, level: float = 0.95) -> float:
@@ -100,8 +111,8 @@ def figures(
     """
     by_case = {case: [p for p in pairings if p.label["case"] == case] for case in CASES}
     effects = by_case["effect"]
-    strong = [p for p in effects if p.strength >= STRONG]
-    weaker = [p for p in effects if WEAK <= p.strength < STRONG]
+    strong = [p for p in effects if p.score >= STRONG]
+    weaker = [p for p in effects if WEAK <= p.score < STRONG]
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
     missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
@@ -118,7 +129,9 @@ def figures(
         "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "weaker": _naming(weaker),
-        "fainter": _naming([p for p in effects if p.strength < WEAK]),
+        "fainter": _naming([p for p in effects if p.score < WEAK]),
+        "strong_in_truth": _naming([p for p in effects if p.strength >= STRONG]),
+        "weaker_in_truth": _naming([p for p in effects if WEAK <= p.strength < STRONG]),
         "kin": _naming([p for p in by_case["kin"] if p.strength >= STRONG]),
         "unknown": {
             "said_unknown": share(p.verdict == "unknown" for p in clear),
@@ -182,6 +195,7 @@ def _column(p: Pairing) -> str:
 def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
     return {
         "exact": share(p.exact for p in found),
+        "first": share(p.first for p in found),
         "in_set": share(set(p.true) <= set(p.named) for p in found),
         "said_none": share(p.verdict == "none" for p in found),
         "said_unknown": share(p.verdict == "unknown" for p in found),

@@ -21,9 +21,10 @@ def page(
         "",
         *([f"Made by {made_by}.", ""] if made_by else []),
         "Campaigns of `scripts/withheld/generate.py`, diagnosed without their labels; labels opened by",
-        "`scripts/withheld/score.py` alone. Shares have 95 % intervals (Clopper–Pearson). Strength: the expected score",
-        "statistic of the true effect, from the truth. Exact: that effect and no other is named; some pairs (delay and",
-        "patch lag, force and slip offset) these tests cannot tell apart: there a group is right, and not exact.",
+        "`scripts/withheld/score.py` alone. Shares have 95 % intervals (Clopper–Pearson). T: the statistic of the true",
+        "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
+        "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
+        "offset) these tests can hardly tell apart: there a group is right, and not alone.",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
@@ -33,12 +34,16 @@ def page(
         f"| no effect: false alarms | {_share(none['false_alarms'])} | ≤ 1 % |",
         f"| … upper 95 % bound | {_percent(none['upper_95'])} | ≤ 2 % |",
         *(f"| … {noise} noise | {_share(value)} | |" for noise, value in none["by_noise"].items()),
-        f"| strong (strength ≥ 50): named exactly | {_share(strong['exact'])} | ≥ 98 % |",
+        f"| strong (T ≥ 50): named first | {_share(strong['first'])} | ≥ 98 % |",
+        f"| … alone | {_share(strong['exact'])} | |",
         f"| … in the reported set | {_share(strong['in_set'])} | ≥ 99 % |",
         f"| … mean set size | {_number(strong['set_size'])} | ≤ 1.3 |",
-        f"| … which these tests tell from all others: exactly | {_share(found['strong_told_apart']['exact'])} | |",
-        f"| weaker (16 to 50): in the set | {_share(found['weaker']['in_set'])} | ≥ 90 % |",
+        f"| … which these tests tell from all others: alone | {_share(found['strong_told_apart']['exact'])} | |",
+        f"| weaker (T from 16 to 50): in the set | {_share(found['weaker']['in_set'])} | ≥ 90 % |",
         f"| fainter: in the set | {_share(found['fainter']['in_set'])} | |",
+        f"| strength ≥ 50: named first | {_share(found['strong_in_truth']['first'])} | |",
+        f"| … in the set | {_share(found['strong_in_truth']['in_set'])} | |",
+        f"| strength from 16 to 50: in the set | {_share(found['weaker_in_truth']['in_set'])} | |",
         f"| kin (same cause, another law), strong: in the set | {_share(found['kin']['in_set'])} | |",
         f"| … said unknown | {_share(found['kin']['said_unknown'])} | |",
         f"| outside the library: said unknown | {_share(unknown['said_unknown'])} | ≥ 95 % |",
@@ -58,10 +63,11 @@ def page(
         "",
         "## By effect (strong)",
         "",
-        "| effect | exact | in the set | said unknown | size off by, median |",
-        "|---|---|---|---|---|",
+        "| effect | first | alone | in the set | said unknown | size off by, median |",
+        "|---|---|---|---|---|---|",
         *(
-            f"| {name} | {_share(value['exact'])} | {_share(value['in_set'])} | {_share(value['said_unknown'])} "
+            f"| {name} | {_share(value['first'])} | {_share(value['exact'])} | {_share(value['in_set'])} "
+            f"| {_share(value['said_unknown'])} "
             f"| {_number((size['by_effect'].get(name) or {}).get('median'))} |"
             for name, value in found["by_effect"].items()
         ),

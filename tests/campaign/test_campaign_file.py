@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from labels import unlabelled
 
 from mofit.campaign import Campaign, Measurement, Procedure
 from mofit.campaign_file import read_campaign, write_campaign
@@ -45,6 +46,8 @@ def campaigns(draw):
 @given(campaign=campaigns())
 def test_write_then_read_gives_the_same_campaign(tmp_path, campaign):
     write_campaign(campaign, tmp_path / "c.nc")
+    with xr.open_datatree(tmp_path / "c.nc") as stored:
+        assert unlabelled(stored) == []
     back = read_campaign(tmp_path / "c.nc")
     assert back.hash() == campaign.hash()
     assert back.tests == campaign.tests

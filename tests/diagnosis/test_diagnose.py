@@ -1,6 +1,8 @@
 """The whole diagnosis on a quick rig: none, one, several, unknown."""
 
+import html
 import json
+import re
 
 import numpy as np
 import pytest
@@ -36,6 +38,16 @@ def test_friction_is_named_with_its_size_and_what_it_hides() -> None:
     assert effect.size == pytest.approx(30.0, rel=0.02)
     assert found.attribution.best_left.p > 0.01
     assert max(found.nrmsd_after.values()) < 0.3 * max(found.nrmsd_before.values())
+
+
+def test_a_diagnosis_shows_its_page_in_a_notebook() -> None:
+    found = damper_diagnosis(FRICTION)
+    shown = found._repr_html_()
+    assert shown.startswith("<iframe srcdoc=")
+    page = html.unescape(shown)
+    assert "Diagnosis of the gap" in page
+    assert found.conclusion.sentence in page
+    assert not re.findall(r'(?:src|href)="(?!data:|#|about:)', page)
 
 
 def test_shrinkage_is_that_of_the_truth() -> None:

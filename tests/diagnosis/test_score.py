@@ -54,7 +54,7 @@ def test_an_offset_that_the_model_has_is_absorbed(fitted) -> None:
 
 def test_the_wrong_sign_says_nothing(fitted) -> None:
     candidate = prepare(fitted, find_effect("dry_friction"))
-    turned = Candidate(candidate.causes, -candidate.slopes)
+    turned = Candidate(candidate.causes, -candidate.slopes, candidate.steps)
     right, wrong = screen(fitted, [candidate])[0], screen(fitted, [turned])[0]
     assert min(right.statistic, wrong.statistic) == 0.0
     assert max(right.p, wrong.p) == 1.0

@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import xarray as xr
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "result"))
 from result_trees import make_result
@@ -13,7 +14,7 @@ from synthetic_rigs import tyre
 
 from mofit.cli import main
 from mofit.export import parameters_csv, parameters_toml
-from mofit.result import write_result
+from mofit.result import quantity, write_result
 from mofit.summary import summary
 
 
@@ -22,6 +23,7 @@ def tree():
     tree = make_result(tyre(), clusters=2)
     configuration = {**json.loads(tree.attrs["configuration"]), "fixed": {"c_z": 12.5}}
     tree.attrs["configuration"] = json.dumps(configuration)
+    tree["held"] = xr.DataTree(xr.Dataset({"c_z": quantity((), 12.5, "N/m", "vertical stiffness")}))
     return tree
 
 
@@ -38,7 +40,7 @@ def test_toml_holds_every_number_in_full(tree):
         for parameter, entry in mode["parameters"].items():
             known = {key: value for key, value in entry.items() if value is not None}
             assert read["modes"][name]["parameters"][parameter] == known
-    assert read["modes"]["c1"]["parameters"]["c_z"] == {"value": 12.5, "unit": "SI", "verdict": "held"}
+    assert read["modes"]["c1"]["parameters"]["c_z"] == {"value": 12.5, "unit": "N/m", "verdict": "held"}
     assert (read["seed"], read["converged"]) == (7, True)
 
 
@@ -55,6 +57,7 @@ def test_csv_holds_every_number_in_full(tree):
                 assert float(row[key]) == entry[key]
     assert found["c2", "c_z"]["value"] == "12.5"
     assert found["c2", "c_z"]["sd"] == ""
+    assert found["c2", "c_z"]["unit"] == "N/m"
 
 
 def test_the_command_writes_a_new_file_and_says_where(tree, tmp_path, monkeypatch, capsys):

@@ -1,5 +1,7 @@
 """The main job end to end, on a rig whose truth is known."""
 
+import csv
+import io
 import json
 import os
 import signal
@@ -11,9 +13,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from arviz_stats import summary as az_summary
+from labels import unlabelled
 from lag_rig import TRUTH, campaign, write_rig
 
 from mofit.errors import InputError
+from mofit.export import parameters_csv
 from mofit.identify import Settings, identify
 from mofit.job import Job, identify_file
 from mofit.model import Model, load_class
@@ -84,6 +88,16 @@ def test_arviz_reads_every_cluster_and_agrees(tree):
             assert table.loc[name, "sd"] == pytest.approx(own["sd"].item(), rel=1e-6)
             assert table.loc[name, "r_hat"] == pytest.approx(own["r_hat"].item(), rel=1e-6)
             assert table.loc[name, "ess_bulk"] == pytest.approx(own["ess"].item(), rel=1e-6)
+
+
+def test_everything_stored_has_a_unit_and_a_name(tree):
+    assert unlabelled(tree) == []
+    posterior = tree["clusters/c1/posterior"]
+    assert {name: (v.attrs["units"], v.attrs["long_name"]) for name, v in posterior.data_vars.items()} == {
+        "k": ("N/rad", "gain"),
+        "T": ("s", "time constant"),
+    }
+    assert tree["clusters/c1"]["sd"]["unit"].sel(parameter="k") == "N/rad"
 
 
 def test_posterior_is_as_wide_as_theory_says(tree):
@@ -171,6 +185,13 @@ def test_joint_weights_bounds_and_fixed(rig):
     found = open_result(folder)
     assert found["parameters"]["lower"].values == pytest.approx([0.1])
     assert found["weight"].sel(test="sine_1Hz") == 3.0
+    assert float(found["held/k"]) == 2.0
+    assert found["held/k"].attrs == {"units": "N/rad", "long_name": "gain"}
+    rows = list(csv.DictReader(io.StringIO(parameters_csv(found))))
+    assert {(row["parameter"], row["unit"], row["verdict"] == "held") for row in rows} == {
+        ("T", "s", False),
+        ("k", "N/rad", True),
+    }
 
 
 def test_a_model_that_always_fails_is_refused(rig):

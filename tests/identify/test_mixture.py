@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from labels import unlabelled
 
 import mofit
 from mofit.campaign import Campaign, Measurement, Procedure
@@ -16,7 +17,10 @@ class InclinedSpring(Model):
     """F = k x + h phi^2 x^3 + e phi x^2: the sign of phi is next to invisible."""
 
     name = "inclined_spring"
-    parameters = (Parameter("k", "N/m", 0.5, 2.0, 1.0), Parameter("phi", "rad", -1.0, 1.0, 0.1))
+    parameters = (
+        Parameter("k", "N/m", 0.5, 2.0, 1.0, description="stiffness"),
+        Parameter("phi", "rad", -1.0, 1.0, 0.1, description="inclination"),
+    )
     inputs = (Channel("displacement", "m"),)
     outputs = (Channel("force", "N"),)
 
@@ -54,6 +58,10 @@ def test_summary_is_that_of_the_weighted_solutions(run):
     low, high = tree["mixture/q05"].sel(parameter="phi"), tree["mixture/q95"].sel(parameter="phi")
     assert low < -0.3
     assert high > 0.3
+
+
+def test_everything_stored_has_a_unit_and_a_name(run):
+    assert unlabelled(run[1]) == []
 
 
 def test_draws_hold_each_solution_as_often_as_its_weight(run):

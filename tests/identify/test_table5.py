@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from labels import unlabelled
 
 from mofit.identify import identify
 from mofit.library import find_model
@@ -17,11 +18,23 @@ TABLE_5 = {"d_y": 281.0, "c_M": 19910.0, "d_M": 7535.0}
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def run(tmp_path_factory):
     folder, _ = identify(
         simulate(PLAN), find_model("maxwell_tyre"), Settings(seed=3, jobs=1), out=tmp_path_factory.mktemp("t5") / "run"
     )
-    return summary(open_result(folder), folder)
+    return folder, open_result(folder)
+
+
+@pytest.fixture(scope="module")
+def found(run):
+    folder, tree = run
+    return summary(tree, folder)
+
+
+def test_everything_stored_has_a_unit_and_a_name(run):
+    tree = run[1]
+    assert {"calibration", "baseline", "per_frequency"} <= set(tree.children)
+    assert unlabelled(tree) == []
 
 
 def test_truth_within_three_standard_deviations(found):

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import casadi as ca
 import pytest
 
 from mofit.errors import InputError
 from mofit.library import effect_names, find_effect, find_model, model_names
-from mofit.model import build_system
+from mofit.model import build_system, with_effects
 from mofit.parameters import ParameterSpace
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -51,7 +52,13 @@ def test_own_model_and_effect_come_from_a_file():
     model = find_model(f"{EXAMPLES / 'own_model.py'}:ZenerDamper")
     assert build_system(model).states == ("branch_force",)
     effect = find_effect(f"{EXAMPLES / 'own_effect.py'}:DeadZone")
-    assert effect.parameters
+    extended = with_effects(model, effect)
+    assert next(p.unit for p in extended.parameters if p.name == "gap") == "m"
+    system = build_system(extended)
+    values = [{"k": 800.0, "gap": 2e-3}.get(name, 1.0) for name in system.parameters]
+    for stroke, force in ((0.5e-3, 0.0), (3e-3, 800.0 * 2e-3), (-3e-3, -800.0 * 2e-3)):
+        inputs = [stroke if name == "displacement" else 0.0 for name in system.inputs]
+        assert float(ca.DM(system.out([0.0], inputs, values, []))) == pytest.approx(force)
 
 
 def test_missing_file_is_named():

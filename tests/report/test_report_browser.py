@@ -9,6 +9,7 @@ import result_trees
 import synthetic_rigs
 
 from mofit.report import write_report
+from mofit.report.inline import Page
 
 CHROMIUM = next(
     (p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome") if Path(p).exists()), ""
@@ -76,3 +77,18 @@ def test_without_scripts_everything_is_shown(browser, report) -> None:
     panes = page.locator("#parameters .pane")
     assert all(panes.nth(k).is_visible() for k in range(panes.count()))
     context.close()
+
+
+def test_inside_a_notebook_the_page_keeps_its_style_and_its_links(browser, report) -> None:
+    page = browser.new_page()
+    messages = []
+    page.on("pageerror", lambda error: messages.append(str(error)))
+    page.set_content(f"<h1>notebook</h1>{Page(report.read_text(encoding='utf-8'))._repr_html_()}")
+    frame = page.frame_locator("iframe")
+    link = frame.locator("nav a").last
+    target = link.get_attribute("href")
+    link.click()
+    assert frame.locator(target).is_visible()
+    assert page.evaluate("getComputedStyle(document.querySelector('h1')).color") == "rgb(0, 0, 0)"
+    assert messages == []
+    page.close()

@@ -129,7 +129,7 @@ def test_corner_ticks_differ(low, relative) -> None:
 def test_corner_regions_hold_their_share_of_the_draws(run) -> None:
     draws = box_draws(run, np.clip(0.5 + 0.05 * np.random.default_rng(5).normal(size=(4, 20_000, 4)), 0, 1))
     axes = draw_corner(extract_corner(run, replaced(run, draws)), "#000000", Figure().add_subplot())
-    alpha = np.asarray(axes.images[0].get_array())[..., 3]
+    alpha = np.asarray(axes.images[0].get_array())[..., 3] / 255
     cell = alpha.shape[0] // 4
     density = alpha[cell : 2 * cell, :cell]
     areas = [np.count_nonzero(density >= level) for level in (0.2, 0.4, 0.8)]

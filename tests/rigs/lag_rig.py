@@ -16,8 +16,11 @@ from mofit.parameters import Parameter
 
 class Lag(Model):
     name = "lag"
-    parameters = (Parameter("k", "1", 0.5, 4.0, 1.0), Parameter("T", "s", 0.01, 1.0, 0.1, "log"))
-    states = (Channel("y", "m"),)
+    parameters = (
+        Parameter("k", "N/rad", 0.5, 4.0, 1.0, description="gain"),
+        Parameter("T", "s", 0.01, 1.0, 0.1, "log", "time constant"),
+    )
+    states = (Channel("y", "N"),)
     inputs = (Channel("slip_angle", "rad"),)
     outputs = (Channel("lateral_force", "N"),)
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mofit.errors import InputError
-from mofit.sample import SampleSettings, sample_mode
+from mofit.sample import SampleSettings, sample_mode, storage
 
 SCALE = np.array([0.05, 0.1, 0.02])
 
@@ -56,7 +56,8 @@ def test_interrupted_and_continued_equals_uninterrupted(tmp_path, calls):
     np.testing.assert_array_equal(whole.chain, again.chain)
 
 
-def test_a_copy_of_the_file_from_any_step_is_continued_to_the_same_draws(tmp_path):
+def test_a_copy_of_the_file_from_any_step_is_continued_to_the_same_draws(tmp_path, monkeypatch):
+    monkeypatch.setattr(storage, "SECONDS", 0.0)
     path, copies = tmp_path / "chains.h5", []
 
     def copying(done, total, note):
@@ -104,7 +105,8 @@ import json, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from test_resume import CASE, target
-from mofit.sample import SampleSettings, sample_mode
+from mofit.sample import SampleSettings, sample_mode, storage
+storage.SECONDS = 0.0
 settings = SampleSettings(chunk=4, max_steps=160, tau_multiple=1e9)
 sample_mode(target, **CASE, settings=settings, backend_path=sys.argv[1])
 """

@@ -18,7 +18,7 @@ from mofit.settings import Settings, free_space
 
 
 def made(tmp_path, slot):
-    make([slot], tmp_path, tmp_path / "labels.sealed", {})
+    make([slot], {}, tmp_path)
     return tmp_path / f"{slot.campaign}.nc"
 
 

@@ -298,7 +298,7 @@ def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
     before = files[0].read_bytes()
     files[0].unlink()
     files[1].write_bytes(b"kept as it is")
-    monkeypatch.setattr("sys.argv", [*command, "3"])
+    monkeypatch.setattr("sys.argv", [*command, "3", "--jobs", "2"])
     main()
     assert files[0].read_bytes() == before
     assert files[1].read_bytes() == b"kept as it is"
@@ -312,7 +312,7 @@ def test_campaigns_do_not_tell_what_they_hide(tmp_path):
         causes = [{"name": slot.cause, "knobs": knobs, "place": ["sine"]}] if knobs else []
         entry = {"case": slot.case, "cause": slot.cause, "specimen": setting(slot)[0], "causes": causes}
         seal(labels, slot.campaign, entry)
-    make(part, tmp_path, labels, unseal(labels))
+    make(part, unseal(labels), tmp_path)
     words = [text_of(tmp_path / f"{slot.campaign}.nc") for slot in part]
     secret = [word for c in (*LIBRARY, *KIN, *STRANGERS) for word in (c.name, *c.typical)]
     sealed = labels.read_text()

@@ -11,9 +11,11 @@ from sealed import seal
 from tally import Pairing, confusion, figures, interval, upper_bound
 
 
-def said(verdict, *names, size=1.0, shrinkage=None, **more):
+def said(verdict, *names, size=1.0, shrinkage=None, score=100.0, **more):
     effects = [{"name": n, "size": size, "size_low": 0.9 * size, "size_high": 1.1 * size} for n in names]
-    return {"verdict": verdict, "effects": effects, "group": [], "shrinkage": shrinkage, "seconds": 3.0, **more}
+    tested = [{"name": n, "statistic": score} for n in ("delay", "drift", "speed", "wheel_order")]
+    return {"verdict": verdict, "effects": effects, "group": [], "shrinkage": shrinkage, "seconds": 3.0,
+            "candidates": tested, **more}  # fmt: skip
 
 
 def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", others=500.0):
@@ -51,23 +53,28 @@ def test_false_alarms_are_all_that_is_not_none():
     assert found["by_noise"]["white"]["share"] == 0.0
 
 
-def test_naming_by_strength():
+def test_naming_by_score():
     rows = pairs(
         (hidden("effect", "delay"), said("effect", "delay")),
-        (hidden("effect", "delay"), said("group", "delay", group=["delay", "sensor_lowpass"])),
+        (hidden("effect", "delay"), said("group", "delay", "speed", group=["delay", "speed"])),
         (hidden("effect", "delay"), said("effect", "speed")),
-        (hidden("effect", "delay"), said("several", "delay", "drift")),
-        (hidden("effect", "delay", strength=20.0), said("none")),
-        (hidden("effect", "delay", strength=20.0), said("effect", "delay")),
-        (hidden("effect", "delay", strength=5.0), said("none")),
+        (hidden("effect", "delay", strength=20.0), said("several", "drift", "delay")),
+        (hidden("effect", "delay"), said("none", score=20.0)),
+        (hidden("effect", "delay"), said("effect", "delay", score=20.0)),
+        (hidden("effect", "delay", strength=5.0), said("none", score=5.0)),
+        (hidden("effect", "delay"), said("unknown", candidates=[])),
     )
     found = figures(rows)
-    assert found["strong"]["exact"]["hits"] == 1
-    assert found["strong"]["exact"]["count"] == 4
-    assert found["strong"]["in_set"]["hits"] == 3
-    assert found["strong"]["set_size"] == pytest.approx((1 + 2 + 1 + 2) / 4)
+    strong = found["strong"]
+    assert strong["first"]["hits"] == 2
+    assert strong["exact"]["hits"] == 1
+    assert strong["exact"]["count"] == 4
+    assert strong["in_set"]["hits"] == 3
+    assert strong["set_size"] == pytest.approx((1 + 2 + 1 + 2) / 4)
     assert found["weaker"]["in_set"]["share"] == 0.5
-    assert found["fainter"]["said_none"]["share"] == 1.0
+    assert found["fainter"]["said_none"]["share"] == 0.5
+    assert found["strong_in_truth"]["first"]["count"] == 6
+    assert found["weaker_in_truth"]["in_set"]["share"] == 1.0
     assert found["by_effect"]["delay"]["exact"]["share"] == 0.25
 
 

@@ -1,11 +1,11 @@
-"""The samplers of the pipeline benchmark on a posterior that is known."""
+"""The samplers of the sampling benchmark on a posterior that is known."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mofit.bench import pipeline
+from mofit.bench import sampling
 from mofit.bench.competitors import Absent
 from mofit.sample import SampleSettings
 
@@ -41,7 +41,7 @@ QUICK = {"mofit": {}, "emcee": {}, "nuts": {"warmup": 100, "draws": 300}}
 def test_every_sampler_meets_the_stop_rule_on_a_gaussian(sampler):
     task = Gaussian()
     try:
-        found = getattr(pipeline, f"_{sampler}")(task, **QUICK[sampler])
+        found = getattr(sampling, f"_{sampler}")(task, **QUICK[sampler])
     except Absent as reason:
         pytest.skip(str(reason))
     assert found.met

@@ -1,0 +1,94 @@
+"""mofit as its users run it, in a process of its own: from the campaign's file to the sampled modes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from mofit.bench.posed import MODEL
+from mofit.bundled import bundled_campaign
+from mofit.campaign_file import read_campaign
+from mofit.identify import sampled_modes
+from mofit.kernel import Simulator
+from mofit.kernel.cache import VARIABLE
+from mofit.library import find_model
+from mofit.settings import Settings
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run came to.
+
+    Parameters
+    ----------
+    seconds
+        From reading the file to the last mode.
+    modes
+        Minima that carry posterior weight, each sampled to the stop rule.
+    ess
+        Least effective number of draws of any parameter in any mode.
+    evaluations, in_sampling, gradients
+        Parameter sets that went through the tests, calibration included; how many of them by the sampler, and with
+        gradient.
+    """
+
+    seconds: float
+    modes: int
+    ess: float
+    evaluations: int
+    in_sampling: int
+    gradients: int
+
+
+def first_and_later(seed: int, jobs: int) -> tuple[Run, Run]:
+    """A run that compiles everything, and one that finds the machine code of the first on disk."""
+    with TemporaryDirectory(prefix="mofit_bench_") as folder:
+        runs = []
+        for _ in range(2):
+            with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+                runs.append(pool.submit(_run, seed, jobs, folder).result())
+    return runs[0], runs[1]
+
+
+def _run(seed: int, jobs: int, folder: str) -> Run:
+    os.environ[VARIABLE] = folder
+    with _counted() as counts:
+        begin = time.perf_counter()
+        modes = sampled_modes(read_campaign(bundled_campaign()), find_model(MODEL), Settings(seed=seed, jobs=jobs))
+        seconds = time.perf_counter() - begin
+    chains = [mode.chains for mode in modes]
+    kept = [(c.steps - c.discard) * int((~(c.stuck | c.left)).sum()) for c in chains]
+    ess = min(draws / float(c.tau.max()) for draws, c in zip(kept, chains, strict=True))
+    sampled = sum(c.evaluations for c in chains)
+    return Run(seconds, len(modes), ess, sum(counts.values()), sampled, counts["gauss_newton"])
+
+
+@contextmanager
+def _counted() -> Iterator[dict[str, int]]:
+    """Parameter sets that any simulator evaluates meanwhile, per method."""
+    former = {name: getattr(Simulator, name) for name in ("cost", "gauss_newton")}
+    counts = dict.fromkeys(former, 0)
+
+    def counting(name: str) -> Any:
+        def method(self: Simulator, p: Any) -> Any:
+            counts[name] += len(np.atleast_2d(p))
+            return former[name](self, p)
+
+        return method
+
+    for name in former:
+        setattr(Simulator, name, counting(name))
+    try:
+        yield counts
+    finally:
+        for name, method in former.items():
+            setattr(Simulator, name, method)
