@@ -40,7 +40,7 @@ EXPLAINED = {
     f"{FOUND:.1f} nats of the best minimum, those that no hill separates counted once",
     "ess": "least effective number of draws of any parameter; peers stop at the target, mofit at its own rule",
     "evaluations": "log posteriors, all tests each; of peers counted by running their search and sampler, settings and "
-    "seed the same, on mofit's kernel",
+    "seed the same, on mofit's kernel; mofit's in sampling are of tests that it cuts to about a period",
     "seconds": "mofit: measured, with its machine code on disk, as from the second run on; peers: evaluations of each "
     "stage times what one takes their own simulator, the mean over points drawn from those visited; shared perfectly "
     "by all cores (JAX uses them by itself); whatever else they do is left out",

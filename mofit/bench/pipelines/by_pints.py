@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.bench.competitors import imported
 from mofit.bench.pipelines.fast import Evaluate
 from mofit.bench.pipelines.own_equations import log_posterior
-from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, imported, seeded
+from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, seeded
 from mofit.sample import effective_size
 
 Array = NDArray[np.float64]
