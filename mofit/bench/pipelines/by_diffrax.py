@@ -139,9 +139,9 @@ def _padded(signal: Array, samples: int) -> Array:
 
 
 PEER = Peer(
-    "JAX: diffrax, multi-start L-BFGS-B, numpyro NUTS",
-    f"Tsit5, one step per sample, gradients forward; {STARTS} starts; {CHAINS} chains in step, {WARM_UP} steps of "
-    "warm-up",
+    "JAX",
+    f"diffrax, Tsit5, one step per sample, derivatives forward; SciPy's L-BFGS-B from {STARTS} points; numpyro's NUTS, "
+    f"{CHAINS} chains in step, {WARM_UP} steps of warm-up; every evaluation with gradient",
     search,
     sample,
     descent,

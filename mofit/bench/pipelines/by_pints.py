@@ -65,8 +65,9 @@ def sample(evaluate: Evaluate, start: Array, seed: int, target: float) -> float:
 
 
 PEER = Peer(
-    "PINTS: CMA-ES, Haario-Bardenet adaptive Metropolis",
-    f"solve_ivp, LSODA at 1e-6; {RUNS} runs of CMA-ES; {CHAINS} chains, half of each dropped",
+    "PINTS",
+    f"solve_ivp with LSODA at 1e-6; CMA-ES from {RUNS} points; Haario-Bardenet adaptive Metropolis, {CHAINS} chains, "
+    "half of each dropped",
     search,
     sample,
     log_posterior,

@@ -64,8 +64,9 @@ def _problem(pypesto: Any, dimension: int, **objective: Any) -> Any:
 
 
 PEER = Peer(
-    "pyPESTO: multi-start L-BFGS-B, adaptive Metropolis",
-    f"solve_ivp, LSODA at 1e-6; {STARTS} starts with finite differences; one chain, burn-in by its Geweke test",
+    "pyPESTO",
+    f"solve_ivp with LSODA at 1e-6; L-BFGS-B from {STARTS} points, finite differences; adaptive Metropolis, one chain, "
+    "burn-in by the Geweke test",
     search,
     sample,
     log_posterior,
