@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,20 @@ Evaluate = Callable[[Array], Array]
 
 class Absent(Exception):
     """A competitor cannot run here; the message says why."""
+
+
+def imported(module: str) -> Any:
+    """A module of an optional package.
+
+    Raises
+    ------
+    Absent
+        If the package is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        raise Absent(f"{module.partition('.')[0]} is not installed (extra 'bench')") from None
 
 
 def scipy_cost(task: Task) -> Evaluate:

@@ -40,10 +40,10 @@ EXPLAINED = {
     f"{FOUND:.1f} nats of the best minimum, those that no hill separates counted once",
     "ess": "least effective number of draws of any parameter; peers stop at the target, mofit at its own rule",
     "evaluations": "log posteriors, all tests each; of peers counted by running their search and sampler, settings and "
-    "seed the same, on mofit's kernel",
+    "seed the same, on mofit's kernel; mofit's in sampling are of tests that it cuts to about a period",
     "seconds": "mofit: measured, with its machine code on disk, as from the second run on; peers: evaluations of each "
     "stage times what one takes their own simulator, the mean over points drawn from those visited; shared perfectly "
-    "by all cores (JAX uses them by itself); whatever else they do is left out",
+    "by all jobs, as none of them quite does; whatever else they do is left out",
     "build seconds": "compilation, not in seconds: mofit's first run beside a later one; a first call of the simulator",
     "ms to equal": "what one evaluation might take for the whole to take as long as mofit's, were the peer given "
     "another simulator (pyPESTO takes models compiled by AMICI, PINTS those by Myokit)",
@@ -68,11 +68,11 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[st
     Returns
     -------
     rows
-        One per pipeline: ``minima``, ``ess``, ``evaluations`` and how many of them ``in_sampling`` and with
-        ``gradients``, ``seconds``, ``time`` (measured or computed), ``times_mofit``, ``build_seconds``, ``ms_search``
-        and ``ms_sampling`` of one evaluation, ``ms_to_equal``, ``deviation``, ``note``; or ``skipped`` with the reason.
+        One per pipeline: ``minima``, ``ess``, ``evaluations`` and how many of them ``in_sampling``, ``seconds``,
+        ``time`` (measured or computed), ``times_mofit``, ``build_seconds``, ``ms_search`` and ``ms_sampling`` of one
+        evaluation, ``ms_to_equal``, ``deviation``; or ``skipped`` with the reason.
     settings
-        What they were run with, and what the columns mean.
+        What they were run with, how each of them works, and what the columns mean.
     """
     options = {"seed": seed, "jobs": jobs, "limit": limit}
     rows = Rows("pipeline", options)
@@ -90,6 +90,8 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[st
         "cpu": platform.processor() or platform.machine(),
         "python": platform.python_version(),
         **_versions(),
+        "mofit": "calibration, search, refinement, sampling, evidence and profiles, with default settings",
+        **{peer.name: peer.note for peer in PEERS},
         **EXPLAINED,
     }
     return rows.done(), settings
@@ -130,7 +132,6 @@ def _mofit(seed: int, jobs: int) -> dict[str, Any]:
         "ess": later.ess,
         "evaluations": later.evaluations,
         "in_sampling": later.in_sampling,
-        "gradients": later.gradients,
         "seconds": later.seconds,
         "time": "measured",
         "times_mofit": 1.0,
@@ -139,7 +140,6 @@ def _mofit(seed: int, jobs: int) -> dict[str, Any]:
         "ms_sampling": None,
         "ms_to_equal": None,
         "deviation": None,
-        "note": "calibration, search, refinement, sampling, evidence and profiles; default settings",
     }
 
 
@@ -159,24 +159,21 @@ def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float)
         return {"skipped": str(reason)}
     in_search = price(own, searched, peer.gradients, limit / 2, seed)
     in_sample = price(own, sampled, peer.gradients, limit / 2, seed)
-    cores = 1 if peer.gradients else jobs
-    seconds = (searched.points * in_search.seconds + sampled.points * in_sample.seconds) / cores
+    seconds = (searched.points * in_search.seconds + sampled.points * in_sample.seconds) / jobs
     evaluations = searched.points + sampled.points
     return {
         "minima": len(minima),
         "ess": ess,
         "evaluations": evaluations,
         "in_sampling": sampled.points,
-        "gradients": evaluations if peer.gradients else 0,
         "seconds": seconds,
         "time": "computed",
         "times_mofit": seconds / unit,
         "build_seconds": max(first - in_sample.seconds, 0.0) if peer.gradients else 0.0,
         "ms_search": 1e3 * in_search.seconds,
         "ms_sampling": 1e3 * in_sample.seconds,
-        "ms_to_equal": 1e3 * unit * cores / evaluations,
+        "ms_to_equal": 1e3 * unit * jobs / evaluations,
         "deviation": in_sample.deviation,
-        "note": peer.note,
     }
 
 

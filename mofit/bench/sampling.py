@@ -6,7 +6,6 @@ import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import emcee
@@ -14,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit.bench.competitors import Absent
+from mofit.bench.nuts import CHAINS, load_jax, logit_factor, make_nuts
+from mofit.bench.pipelines.fast import Recorded
 from mofit.bench.posed import MODEL, pose
 from mofit.refine import RefineSettings, merge, refine
 from mofit.sample import SampleSettings, autocorrelation_time, effective_size, laplace_covariance, r_hat, sample_mode
@@ -174,49 +175,14 @@ def _nuts(task: Task, warmup: int = 300, draws: int = 500) -> Result:
 
     Like the others it starts from the Laplace approximation: the logits are whitened by it.
     """
-    try:
-        jax, infer = import_module("jax"), import_module("numpyro.infer")
-    except ImportError:
-        raise Absent("numpyro is not installed (extra 'bench')") from None
-    jax.config.update("jax_enable_x64", True)
-    evaluations = [0]
-
-    def evaluate(points: Any) -> tuple[Array, Array]:
-        batch = np.atleast_2d(np.asarray(points, dtype=float)).reshape(-1, task.dimension)
-        evaluations[0] += len(batch)
-        value, gradient, _ = task.problem.evaluate(batch)
-        bad = ~np.isfinite(value)
-        value, gradient = np.where(bad, np.inf, value), np.where(bad[:, None], 0.0, gradient)
-        return value.reshape(np.shape(points)[:-1]), gradient.reshape(np.shape(points))
-
-    def called(point: Any) -> Any:
-        shapes = jax.ShapeDtypeStruct(point.shape[:-1], float), jax.ShapeDtypeStruct(point.shape, float)
-        return jax.pure_callback(evaluate, shapes, point, vmap_method="expand_dims")
-
-    potential = jax.custom_vjp(lambda point: called(point)[0])
-    potential.defvjp(called, lambda gradient, slope: (slope[..., None] * gradient,))
-
-    centre = np.clip(task.minimum.point, 1e-3, 1 - 1e-3)
-    slope = 1 / (centre * (1 - centre))
-    middle, factor = np.log(centre / (1 - centre)), slope[:, None] * np.linalg.cholesky(task.covariance)
-
-    def energy(white: Any) -> Any:
-        logits = middle + factor @ white
-        log_volume = jax.numpy.sum(jax.nn.log_sigmoid(logits) + jax.nn.log_sigmoid(-logits))
-        return potential(jax.nn.sigmoid(logits)) - log_volume
-
-    start = np.random.default_rng(task.seed).standard_normal((4, task.dimension))
-    sampler = infer.MCMC(
-        infer.NUTS(potential_fn=energy, dense_mass=True),
-        num_warmup=warmup,
-        num_samples=draws,
-        num_chains=4,
-        chain_method="vectorized",
-        progress_bar=False,
-    )
-    sampler.run(jax.random.PRNGKey(task.seed), init_params=start)
+    evaluate = Recorded(lambda u: task.problem.evaluate(u)[:2])
+    factor = np.linalg.cholesky(np.asarray(task.covariance, dtype=float))
+    middle, factor = logit_factor(task.minimum.point, factor)
+    sampler = make_nuts(evaluate, middle, factor, warmup, draws)
+    start = np.random.default_rng(task.seed).standard_normal((CHAINS, task.dimension))
+    sampler.run(load_jax().random.PRNGKey(task.seed), init_params=start)
     found = middle + np.asarray(sampler.get_samples(group_by_chain=True)) @ factor.T
     ess, mixing = float(effective_size(found).min()), float(r_hat(found).max())
     met = ess >= task.settings.min_ess and mixing <= task.settings.max_r_hat
-    note = f"4 chains, {warmup} steps of warm-up, {draws} draws each; compilation included"
-    return Result(ess, mixing, evaluations[0], evaluations[0], met, note)
+    note = f"{CHAINS} chains, {warmup} steps of warm-up, {draws} draws each; compilation included"
+    return Result(ess, mixing, evaluate.points, evaluate.points, met, note)

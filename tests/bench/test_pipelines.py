@@ -90,8 +90,9 @@ def test_diffrax_simulator_agrees_with_the_kernel(job, posterior):
     ours, slope = job.whole.descent(posterior)
     # its steps run over the kinks where the slip changes sign
     np.testing.assert_allclose(value - value[0], ours - ours[0], atol=0.1)
-    spread = np.sqrt(np.diag(laplace_covariance(job.whole.evaluate(posterior[:1])[2][0])))
-    np.testing.assert_allclose(gradient * spread, slope * spread, atol=0.1)
+    spread = np.linalg.cholesky(laplace_covariance(job.whole.evaluate(posterior[:1])[2][0]))
+    # whitened: how many standard deviations the minimum moves
+    np.testing.assert_allclose(gradient @ spread, slope @ spread, atol=0.1)
 
 
 def test_quick_posterior_agrees_with_the_whole_one(job, posterior):
@@ -178,7 +179,7 @@ def test_time_is_evaluations_times_price_and_an_absent_peer_says_why(monkeypatch
 
     quick = pipeline.Peer("quick", "a note", search, sample, lambda task: job.whole.log_posterior)
     missing = pipeline.Peer("missing", "", search, sample, absent)
-    ran = by_mofit.Run(2.0, 1, 5000.0, 100, 80, 10), by_mofit.Run(0.5, 1, 5000.0, 100, 80, 10)
+    ran = by_mofit.Run(2.0, 1, 5000.0, 100, 80), by_mofit.Run(0.5, 1, 5000.0, 100, 80)
     monkeypatch.setattr(pipeline, "PEERS", (quick, missing))
     monkeypatch.setattr(by_mofit, "first_and_later", lambda seed, jobs: ran)
     monkeypatch.setattr(pipeline, "pose", lambda seed, jobs: (job.whole.problem, minimum))
@@ -216,3 +217,12 @@ def test_a_package_that_is_not_installed_is_named(package, ask, monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)  # as if it were not there
     with pytest.raises(Absent, match=f"{package} is not installed"):
         ask()
+
+
+def test_parameter_sets_of_any_simulator_are_counted(job):
+    with by_mofit._counted() as counts:
+        job.whole.log_posterior(np.full((5, 8), 0.5))
+        job.near.descent(job.task.mean[None])
+    assert counts == [5, 1]
+    job.whole.log_posterior(np.full((5, 8), 0.5))
+    assert counts == [5, 1]

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize
 
+from mofit.bench.competitors import imported
+from mofit.bench.nuts import CHAINS, load_jax, logit_factor, make_nuts
 from mofit.bench.pipelines.fast import Evaluate
-from mofit.bench.pipelines.peer import MOST, Peer, imported
+from mofit.bench.pipelines.peer import MOST, Peer
 from mofit.bench.pipelines.task import Task, Test
 from mofit.sample import effective_size
 
@@ -18,8 +20,8 @@ Array = NDArray[np.float64]
 
 #: Of the multi-start, from uniform points.
 STARTS = 20
-#: Chains run in step; warm-up, and draws of each chain between two looks at the effective number.
-CHAINS, WARM_UP, ROUND = 4, 300, 100
+#: Warm-up, and draws of each chain between two looks at the effective number.
+WARM_UP, ROUND = 300, 100
 
 
 def search(evaluate: Evaluate, dimension: int, seed: int) -> Array:
@@ -39,51 +41,26 @@ def search(evaluate: Evaluate, dimension: int, seed: int) -> Array:
 
 def sample(evaluate: Evaluate, start: Array, seed: int, target: float) -> float:
     """NUTS over the logits of the unit cube, whitened by the curvature at the start, all chains at once."""
-    infer, jax = imported("numpyro.infer"), _jax()
-    middle, factor = _whitening(evaluate, start)
-
-    def called(points: Array) -> tuple[Array, Array]:
-        value, gradient = evaluate(np.asarray(points, dtype=float).reshape(-1, len(start)))
-        good = np.isfinite(value)
-        value, gradient = np.where(good, value, np.inf), np.where(good[:, None], gradient, 0.0)
-        return value.reshape(np.shape(points)[:-1]), gradient.reshape(np.shape(points))
-
-    def both(point: Any) -> Any:
-        shapes = jax.ShapeDtypeStruct(point.shape[:-1], float), jax.ShapeDtypeStruct(point.shape, float)
-        return jax.pure_callback(called, shapes, point, vmap_method="expand_dims")
-
-    potential = jax.custom_vjp(lambda point: both(point)[0])
-    potential.defvjp(both, lambda gradient, slope: (slope[..., None] * gradient,))
-
-    def energy(white: Any) -> Any:
-        logits = middle + factor @ white
-        log_volume = jax.numpy.sum(jax.nn.log_sigmoid(logits) + jax.nn.log_sigmoid(-logits))
-        return potential(jax.nn.sigmoid(logits)) - log_volume
-
-    sampler = infer.MCMC(
-        infer.NUTS(potential_fn=energy, dense_mass=True), num_warmup=WARM_UP, num_samples=ROUND, num_chains=CHAINS,
-        chain_method="vectorized", progress_bar=False,
-    )  # fmt: skip
+    sampler = make_nuts(evaluate, *logit_factor(start, _spread(evaluate, start)), WARM_UP, ROUND)
+    key = load_jax().random.PRNGKey
     first = np.random.default_rng(seed).standard_normal((CHAINS, len(start)))
     draws: list[Array] = []
     effective = 0.0
     while effective < target and len(draws) * CHAINS * ROUND < MOST // 10:
-        sampler.run(jax.random.PRNGKey(seed + len(draws)), init_params=first)
+        sampler.run(key(seed + len(draws)), init_params=first)
         sampler.post_warmup_state = sampler.last_state
         draws.append(np.asarray(sampler.get_samples(group_by_chain=True)))
         effective = float(effective_size(np.concatenate(draws, axis=1)).min())
     return effective
 
 
-def _whitening(evaluate: Evaluate, start: Array, step: float = 1e-5) -> tuple[Array, Array]:
-    """Logits of the start, and a factor of their covariance, from differences of the gradient there."""
-    centre = np.clip(start, 1e-3, 1 - 1e-3)
+def _spread(evaluate: Evaluate, start: Array, step: float = 1e-5) -> Array:
+    """A factor (d, d) of the covariance at the start, from differences of the gradient."""
     moves = step * np.eye(len(start))
-    _, slopes = evaluate(np.concatenate([centre + moves, centre - moves]))
+    _, slopes = evaluate(np.concatenate([start + moves, start - moves]))
     hessian = (slopes[: len(start)] - slopes[len(start) :]) / (2 * step)
     values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
-    root = vectors / np.sqrt(np.maximum(values, 1.0))  # no wider than the box
-    return np.log(centre / (1 - centre)), root / (centre * (1 - centre))[:, None]
+    return vectors / np.sqrt(np.maximum(values, 1.0))  # no wider than the box
 
 
 def descent(task: Task) -> Evaluate:
@@ -92,7 +69,7 @@ def descent(task: Task) -> Evaluate:
     Its adaptive steps take several times as long, reverse derivatives as well. Tests are padded to one length, so that
     all are integrated at once.
     """
-    diffrax, jax = imported("diffrax"), _jax()
+    diffrax, jax = imported("diffrax"), load_jax()
     jnp = jax.numpy
     samples = max(len(test.time) for test in task.tests)
     step = float(task.tests[0].time[1])
@@ -161,16 +138,10 @@ def _padded(signal: Array, samples: int) -> Array:
     return np.concatenate([signal, np.zeros(samples - len(signal))])
 
 
-def _jax() -> Any:
-    jax = imported("jax")
-    jax.config.update("jax_enable_x64", True)
-    return jax
-
-
 PEER = Peer(
-    "JAX: diffrax, multi-start L-BFGS-B, numpyro NUTS",
-    f"Tsit5, one step per sample, gradients forward; {STARTS} starts; {CHAINS} chains in step, {WARM_UP} steps of "
-    "warm-up",
+    "JAX",
+    f"diffrax, Tsit5, one step per sample, derivatives forward; SciPy's L-BFGS-B from {STARTS} points; numpyro's NUTS, "
+    f"{CHAINS} chains in step, {WARM_UP} steps of warm-up; every evaluation with gradient",
     search,
     sample,
     descent,

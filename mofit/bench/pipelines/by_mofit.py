@@ -36,9 +36,8 @@ class Run:
         Minima that carry posterior weight, each sampled to the stop rule.
     ess
         Least effective number of draws of any parameter in any mode.
-    evaluations, in_sampling, gradients
-        Parameter sets that went through the tests, calibration included; how many of them by the sampler, and with
-        gradient.
+    evaluations, in_sampling
+        Parameter sets that went through the tests, calibration included, and how many of them by the sampler.
     """
 
     seconds: float
@@ -46,7 +45,6 @@ class Run:
     ess: float
     evaluations: int
     in_sampling: int
-    gradients: int
 
 
 def first_and_later(seed: int, jobs: int) -> tuple[Run, Run]:
@@ -69,24 +67,24 @@ def _run(seed: int, jobs: int, folder: str) -> Run:
     kept = [(c.steps - c.discard) * int((~(c.stuck | c.left)).sum()) for c in chains]
     ess = min(draws / float(c.tau.max()) for draws, c in zip(kept, chains, strict=True))
     sampled = sum(c.evaluations for c in chains)
-    return Run(seconds, len(modes), ess, sum(counts.values()), sampled, counts["gauss_newton"])
+    return Run(seconds, len(modes), ess, sum(counts), sampled)
 
 
 @contextmanager
-def _counted() -> Iterator[dict[str, int]]:
-    """Parameter sets that any simulator evaluates meanwhile, per method."""
+def _counted() -> Iterator[list[int]]:
+    """Parameter sets that any simulator evaluates meanwhile, per call."""
     former = {name: getattr(Simulator, name) for name in ("cost", "gauss_newton")}
-    counts = dict.fromkeys(former, 0)
+    counts: list[int] = []
 
-    def counting(name: str) -> Any:
-        def method(self: Simulator, p: Any) -> Any:
-            counts[name] += len(np.atleast_2d(p))
-            return former[name](self, p)
+    def counting(method: Any) -> Any:
+        def call(self: Simulator, p: Any) -> Any:
+            counts.append(len(np.atleast_2d(p)))
+            return method(self, p)
 
-        return method
+        return call
 
-    for name in former:
-        setattr(Simulator, name, counting(name))
+    for name, method in former.items():
+        setattr(Simulator, name, counting(method))
     try:
         yield counts
     finally:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.bench.competitors import imported
 from mofit.bench.pipelines.fast import Evaluate
 from mofit.bench.pipelines.own_equations import log_posterior
-from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, imported, seeded
+from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, seeded
 from mofit.sample import effective_size
 
 Array = NDArray[np.float64]
@@ -64,8 +65,9 @@ def sample(evaluate: Evaluate, start: Array, seed: int, target: float) -> float:
 
 
 PEER = Peer(
-    "PINTS: CMA-ES, Haario-Bardenet adaptive Metropolis",
-    f"solve_ivp, LSODA at 1e-6; {RUNS} runs of CMA-ES; {CHAINS} chains, half of each dropped",
+    "PINTS",
+    f"solve_ivp with LSODA at 1e-6; CMA-ES from {RUNS} points; Haario-Bardenet adaptive Metropolis, {CHAINS} chains, "
+    "half of each dropped",
     search,
     sample,
     log_posterior,

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mofit.bench.competitors import imported
 from mofit.bench.pipelines.fast import Evaluate
 from mofit.bench.pipelines.own_equations import log_posterior
-from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, imported, seeded
+from mofit.bench.pipelines.peer import FIRST_STEP, MOST, Peer, seeded
 from mofit.sample import effective_size
 
 Array = NDArray[np.float64]
@@ -63,8 +64,9 @@ def _problem(pypesto: Any, dimension: int, **objective: Any) -> Any:
 
 
 PEER = Peer(
-    "pyPESTO: multi-start L-BFGS-B, adaptive Metropolis",
-    f"solve_ivp, LSODA at 1e-6; {STARTS} starts with finite differences; one chain, burn-in by its Geweke test",
+    "pyPESTO",
+    f"solve_ivp with LSODA at 1e-6; L-BFGS-B from {STARTS} points, finite differences; adaptive Metropolis, one chain, "
+    "burn-in by the Geweke test",
     search,
     sample,
     log_posterior,

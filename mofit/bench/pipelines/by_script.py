@@ -50,8 +50,9 @@ def sample(evaluate: Evaluate, start: Array, seed: int, target: float) -> float:
 
 
 PEER = Peer(
-    "script: solve_ivp, differential_evolution, emcee",
-    f"LSODA at 1e-6; default differential evolution with polishing; {WALKERS} walkers, half of the chain dropped",
+    "script",
+    "solve_ivp with LSODA at 1e-6; SciPy's differential_evolution, default settings, polished; emcee, default move, "
+    f"{WALKERS} walkers, half of the chain dropped",
     search,
     sample,
     log_posterior,

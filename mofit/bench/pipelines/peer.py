@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mofit.bench.competitors import Absent
 from mofit.bench.pipelines.fast import Evaluate
 from mofit.bench.pipelines.task import Task
 
@@ -50,20 +47,6 @@ class Peer:
     sample: Callable[[Evaluate, Array, int, float], float]
     own: Callable[[Task], Evaluate]
     gradients: bool = False
-
-
-def imported(module: str) -> Any:
-    """A module of an optional package.
-
-    Raises
-    ------
-    Absent
-        If the package is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        raise Absent(f"{module.partition('.')[0]} is not installed (extra 'bench')") from None
 
 
 @contextmanager
