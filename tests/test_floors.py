@@ -18,20 +18,16 @@ PACKAGE = ROOT / "mofit"
 
 #: floor of every part (module or package directly below mofit/), lowest first
 FLOORS = {
-    **dict.fromkeys(("bundled", "errors", "labels", "parameters", "journal", "progress", "toml_file", "units"), 1),
-    "forking": 1,
-    "sobol": 1,
-    **dict.fromkeys(
-        ("campaign", "campaign_file", "check", "plots", "readers", "report", "result", "run", "signals", "validity"), 2
-    ),
+    **dict.fromkeys(("bundled", "errors", "forking", "journal", "labels", "parameters", "progress", "sobol"), 1),
+    **dict.fromkeys(("toml_file", "units"), 1),
+    **dict.fromkeys(("campaign", "campaign_file", "check", "moduli", "plots", "readers", "report", "result"), 2),
+    **dict.fromkeys(("run", "signals", "validity"), 2),
     **dict.fromkeys(("kernel", "model"), 3),
     **dict.fromkeys(("drives", "few_steps", "joint", "library", "objectives", "one_period", "problem"), 4),
     **dict.fromkeys(("score", "spread"), 4),
     **dict.fromkeys(("refine", "sample", "search"), 5),
-    **dict.fromkeys(("assemble", "bench", "calibration", "outcome", "posing", "settings", "summary", "verdict"), 6),
-    "searching": 6,
-    "report_beside": 6,
-    **dict.fromkeys(("compared", "refining"), 6),
+    **dict.fromkeys(("assemble", "bench", "calibration", "compared", "outcome", "posing", "refining"), 6),
+    **dict.fromkeys(("report_beside", "searching", "settings", "summary", "verdict"), 6),
     **dict.fromkeys(("diagnosis", "export", "identifiability", "identify", "profiles", "simulate"), 6),
     **dict.fromkeys(("batch", "cli", "job", "options", "terminal"), 7),
     "__main__": 8,

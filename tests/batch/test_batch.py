@@ -75,8 +75,8 @@ def test_table_and_page(rows):
     with (out / "table.csv").open(newline="") as file:
         table = {line["campaign"]: line for line in csv.DictReader(file)}
     assert float(table["c"]["vertical_force [N]"]) == 5000.0
-    assert float(table["c"]["k [1]"]) == found[2].parameters["k"]["mean"]
-    assert table["damaged"]["k [1]"] == ""
+    assert float(table["c"]["k [N/rad]"]) == found[2].parameters["k"]["mean"]
+    assert table["damaged"]["k [N/rad]"] == ""
     page = (out / "batch.html").read_text()
     assert "Over the vertical force" in page
     assert 'href="b/report.html"' in page
