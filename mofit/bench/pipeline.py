@@ -48,7 +48,7 @@ EXPLAINED = {
     "ms to equal": "what one evaluation might take for the whole to take as long as mofit's, were the peer given "
     "another simulator (pyPESTO takes models compiled by AMICI, PINTS those by Myokit)",
     "deviation": "how far the peer's simulator and mofit's disagree on differences of the log posterior in the sample, "
-    "in nats, at most",
+    "within 20 nats of the best, in nats, at most",
     "given to peers": "what mofit's job works out itself: prior of the calibration, noise levels",
 }
 

@@ -147,7 +147,7 @@ def test_minima_are_counted_once_and_bad_ends_not_at_all():
 def test_price_is_taken_at_points_that_were_visited():
     visited = Recorded(lambda u: u[:, 0])
     visited(np.arange(12.0).reshape(6, 2))
-    visited(np.array([[100.0, 0.0]]))
+    visited(np.array([[-100.0, 0.0]]))
     seen = []
 
     def own(u):
@@ -155,9 +155,9 @@ def test_price_is_taken_at_points_that_were_visited():
         return 1.5 * u[:, 0] + 7
 
     found = price(own, visited, False, 60.0, 0)
-    assert sorted(u[0, 0] for u in seen) == [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 100.0]
+    assert sorted(u[0, 0] for u in seen) == [-100.0, 0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
     assert found.points == 7
-    assert found.deviation == pytest.approx(50.0)  # an offset is no deviation
+    assert found.deviation == pytest.approx(5.0)  # an offset is no deviation, and -100 no part of a sample
     assert found.seconds > 0
     assert price(own, visited, False, 0.0, 0).points == 1
 
