@@ -49,6 +49,7 @@ EXPLAINED = {
     "another simulator (pyPESTO takes models compiled by AMICI, PINTS those by Myokit)",
     "deviation": "how far the peer's simulator and mofit's disagree on differences of the log posterior in the sample, "
     "within 20 nats of the best, in nats, at most",
+    "posterior": "peers: Gaussian noise of mofit's levels; mofit: its own, wider one, that counts the model's gap too",
     "given to peers": "what mofit's job works out itself: prior of the calibration, noise levels",
 }
 
