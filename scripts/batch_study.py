@@ -137,7 +137,7 @@ def main() -> None:
     lines += ["| Dask workers | killed | seconds | speed-up | campaigns whose numbers differ from the single run |"]
     lines += ["|---|---|---|---|---|"]
     # HDF5 is not safe beside the threads that a cluster leaves behind
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
         found = list(pool.map(differing, [files] * len(rows), [single] * len(rows), [out for _, out, _, _ in rows]))
     for (name, _, seconds, lives), different in zip(rows, found, strict=True):
         told = f"{len(different)} of {len(files)}"
