@@ -10,7 +10,7 @@ from mofit.campaign import Campaign, Measurement, Procedure
 Array = NDArray[np.float64]
 
 #: Periods in which a test grows to its stroke, and settled ones after them.
-_RAMP, _SETTLED = 2, 8
+_RAMP, _SETTLED = 2, 4
 #: Samples per period: with 32 Runge-Kutta steps each, relaxation times down to a period / 8000 stay stable.
 _SAMPLES = 96
 
@@ -29,7 +29,7 @@ def sine_tests(
 
     Of a stroke :math:`x = X \sin \omega t` dynamic-mechanical analysis keeps two numbers of the force,
     :math:`F = X (k' \sin \omega t + k'' \cos \omega t)`. Here the two are a record again: two periods of growth, then
-    eight settled ones of 96 samples, which alone are judged. The growth keeps the mean of the stroke's integral at
+    four settled ones of 96 samples, which alone are judged. The growth keeps the mean of the stroke's integral at
     zero, as it is in the settled state, so that no slow branch of a model is left displaced.
 
     The force has white noise of the level at which k' and k'' found from the record scatter by ``spread``. Nothing of

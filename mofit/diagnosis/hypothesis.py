@@ -26,6 +26,8 @@ _FEWEST_STEPS, _MOST_STEPS = 1, 32
 _NUMBERS = 10**7
 #: Where an unstable integration has gone: no output or derivative is as large.
 RUNAWAY = 1e100
+#: White rows this large come from an unstable integration, too.
+_WILD = 1e20
 
 
 @dataclass(frozen=True)
@@ -189,6 +191,8 @@ def with_enough_steps(
         fine = rows(simulator.with_steps(2 * steps))
         here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
-        if change(coarse, fine) <= allowed or 2 * steps > _MOST_STEPS:
+        # two integrations that ran away are alike as well
+        stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
+        if (stable and change(coarse, fine) <= allowed) or 2 * steps > _MOST_STEPS:
             return here, coarse
         steps, coarse = 2 * steps, fine

@@ -8,7 +8,7 @@ from damper_rig import WORKSHOP, damper_fit
 
 from mofit.calibration import calibrate
 from mofit.diagnosis.cause import causes, recalibrated
-from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.hypothesis import RUNAWAY, hypothesis, with_enough_steps
 from mofit.library import find_effect, find_model
 from mofit.objectives import GaussianPrior
 from mofit.parameters import ParameterSpace
@@ -32,6 +32,27 @@ def test_jacobian_is_that_of_the_residual() -> None:
         change = (model.linear(near[None]).residual[0] - here.residual[0]) / 1e-5
         scale = np.linalg.norm(here.jacobian[0, :, k])
         assert np.linalg.norm(change - here.jacobian[0, :, k]) < 2e-3 * scale
+
+
+class Stiff:
+    """A simulator that is unstable below eight steps."""
+
+    def __init__(self, steps: int = 1) -> None:
+        self.steps = steps
+
+    def with_steps(self, steps: int) -> "Stiff":
+        return Stiff(steps)
+
+
+def test_runaway_integrations_do_not_count_as_converged() -> None:
+    simulator, rows = with_enough_steps(
+        Stiff(),
+        lambda at: np.full(3, RUNAWAY if at.steps < 8 else 1 + 1e-6 / at.steps),
+        lambda coarse, fine: float(np.max(np.abs(fine - coarse))),
+        1e-3,
+    )
+    assert simulator.steps == 8
+    assert rows == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
