@@ -13,6 +13,7 @@ import xarray as xr
 from mofit.campaign import Array, Campaign, Measurement, Procedure
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 from mofit.labels import CHANNELS, HOLDS, KINDS, PERIODIC_KINDS, known_unit, title_of
+from mofit.netcdf import read_tree
 from mofit.units import UnitError, si_unit, to_si
 from mofit.validity import channel_faults, role_faults, time_faults, whole_period_faults
 
@@ -89,8 +90,7 @@ def _open(path: Path) -> tuple[xr.DataTree | None, list[Fault]]:
     if path.stat().st_size == 0:
         return None, [Fault(where, "the file has zero length", "Write or copy it again")]
     try:
-        with xr.open_datatree(path, engine="netcdf4", decode_times=False) as opened:
-            tree = opened.load()
+        tree = read_tree(path, decode_times=False)
     except Exception as error:  # noqa: BLE001  a damaged file raises anything, from OSError to RuntimeError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         what = f"not a readable netCDF-4 file: truncated, damaged or of another kind ({reason})"

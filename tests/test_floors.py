@@ -19,7 +19,7 @@ PACKAGE = ROOT / "mofit"
 #: floor of every part (module or package directly below mofit/), lowest first
 FLOORS = {
     **dict.fromkeys(("bundled", "errors", "forking", "journal", "labels", "parameters", "progress", "sobol"), 1),
-    **dict.fromkeys(("toml_file", "units"), 1),
+    **dict.fromkeys(("netcdf", "toml_file", "units"), 1),
     **dict.fromkeys(("campaign", "campaign_file", "check", "moduli", "plots", "readers", "report", "result"), 2),
     **dict.fromkeys(("run", "signals", "validity"), 2),
     **dict.fromkeys(("kernel", "model"), 3),

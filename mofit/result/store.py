@@ -10,6 +10,7 @@ from pathlib import Path
 import xarray as xr
 
 from mofit.errors import Fault, InputError, raise_errors
+from mofit.netcdf import read_tree
 from mofit.result.layout import check_result
 
 RESULT_FILE = "result.nc"
@@ -103,8 +104,7 @@ def open_result(source: Path | str) -> xr.DataTree:
         cure = "Give the folder of a finished run" if path.parent.is_dir() else "Check the spelling of the folder"
         raise InputError.of(str(path), "there is no such file", cure)
     try:
-        with xr.open_datatree(path, engine="netcdf4") as tree:
-            loaded = tree.load()
+        loaded = read_tree(path)
     except (OSError, RuntimeError, ValueError) as error:
         what = "the file is empty" if path.stat().st_size == 0 else f"it can't be read as netCDF-4 ({error})"
         raise InputError.of(

@@ -32,6 +32,16 @@ def test_round_trip_is_exact(tree, tmp_path) -> None:
     assert [p.name for p in (tmp_path / "run").iterdir()] == [RESULT_FILE]
 
 
+def test_nothing_is_read_after_the_file_is_closed(tree, tmp_path) -> None:
+    file = write_result(tree, tmp_path)
+    again = open_result(file)
+    file.unlink()
+    stored = {(node.path, name): node.variables[name].values for node in again.subtree for name in node.variables}
+    assert all(np.array_equal(values, tree[path].variables[name].values) for (path, name), values in stored.items()
+               if values.dtype.kind != "f")  # fmt: skip
+    assert ("/front", "parameters") in stored
+
+
 def test_xarray_opens_the_file(tree, tmp_path) -> None:
     with xr.open_datatree(write_result(tree, tmp_path)) as opened:
         assert opened["clusters/c1/posterior"].dims == tree["clusters/c1/posterior"].dims
