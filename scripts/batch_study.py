@@ -17,9 +17,7 @@ import signal
 import threading
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -136,11 +134,8 @@ def main() -> None:
     )
     lines += ["| Dask workers | killed | seconds | speed-up | campaigns whose numbers differ from the single run |"]
     lines += ["|---|---|---|---|---|"]
-    # HDF5 is not safe beside the threads that a cluster leaves behind
-    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as pool:
-        found = list(pool.map(differing, [files] * len(rows), [single] * len(rows), [out for _, out, _, _ in rows]))
-    for (name, _, seconds, lives), different in zip(rows, found, strict=True):
-        told = f"{len(different)} of {len(files)}"
+    for name, out, seconds, lives in rows:
+        told = f"{len(differing(files, single, out))} of {len(files)}"
         lines.append(f"| {name} | {lives} | {seconds:.0f} | {slow / seconds:.2f} | {told} |")
     target = ROOT / "reports" / "batch"
     target.mkdir(parents=True, exist_ok=True)
