@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import platform
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from multiprocessing import get_context
 from typing import Any
 
@@ -16,6 +14,7 @@ from mofit.bench import peers
 from mofit.bench.cec2013_functions import FUNCTIONS, Niching, found_optima
 from mofit.bench.competitors import Absent
 from mofit.bench.rows import Rows
+from mofit.bench.versions import versions
 from mofit.parameters import Array
 from mofit.search import NichingSettings, niching
 
@@ -105,8 +104,7 @@ def run(runs: int = 50, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
                 most = min(runs, ENTRIES[entry].runs, 1 if FUNCTIONS[function].budget >= LARGE else runs)
                 head = {"function": _label(FUNCTIONS[function]), "search": ENTRIES[entry].name, "runs": most}
                 rows.add(head, partial(_all, pool, function, entry, seed, most))
-    libraries = {name: version(name) for name in ("numpy", "scipy", "casadi")}
-    return rows.done(), {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries, **PUBLISHED}
+    return rows.done(), {"runs": runs, "seed": seed, **versions("numpy", "scipy", "casadi"), **PUBLISHED}
 
 
 def _all(pool: ProcessPoolExecutor, function: int, entry: int, seed: int, runs: int) -> dict[str, Any]:

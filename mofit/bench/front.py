@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import platform
 from importlib import import_module
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from mofit.bench.competitors import Absent
+from mofit.bench.versions import versions
 from mofit.bundled import bundled_campaign
 from mofit.calibration import calibrate
 from mofit.campaign_file import read_campaign
@@ -78,10 +77,9 @@ def run(runs: int = 10, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
                 "points on the front": float(np.median([len(nondominated(values)) for values in several])),
             }
         )
-    libraries = {name: version(name) for name in ("numpy", "moocore")}
     return [*rows, *skipped], {
         "campaign": "bundled", "model": MODEL, "objectives": len(problem.tests), "runs": runs, "seed": seed,
-        "python": platform.python_version(), **libraries,
+        **versions("numpy", "moocore"),
     }  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +14,7 @@ from mofit.bench import competitors
 from mofit.bench.competitors import Absent, Evaluate
 from mofit.bench.peak import peak_fma_rate
 from mofit.bench.task import FREE, Task
+from mofit.bench.versions import versions
 from mofit.kernel import Simulator
 from mofit.kernel.machine import host
 from mofit.kernel.program import FMA, FMS, FNMA, LANE, TIME
@@ -139,5 +139,5 @@ def _settings(task: Task, sets: int, peak: float) -> dict[str, Any]:
         "cpu": binding.get_host_cpu_name(),
         "register_doubles": host().width,
         "peak_fma_per_second": peak,
-        "python": platform.python_version(),
+        **versions("numpy", "scipy", "casadi", "llvmlite", "jax"),
     }

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import platform
 import time
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -26,6 +24,7 @@ from mofit.bench.pipelines.price import price
 from mofit.bench.pipelines.task import Task, task_of
 from mofit.bench.posed import MODEL, pose
 from mofit.bench.rows import Rows
+from mofit.bench.versions import versions
 from mofit.problem import Problem
 from mofit.refine import Minimum, merge, refine
 from mofit.sample import SampleSettings, laplace_covariance
@@ -89,8 +88,7 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[st
         **options,
         "target ess": TARGET,
         "cpu": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
-        **_versions(),
+        **versions(*_LIBRARIES),
         "mofit": "calibration, search, refinement, sampling, evidence and profiles, with default settings",
         **{peer.name: peer.note for peer in PEERS},
         **EXPLAINED,
@@ -176,11 +174,3 @@ def _peer(peer: Peer, job: Job, seed: int, jobs: int, limit: float, unit: float)
         "ms_to_equal": 1e3 * unit * jobs / evaluations,
         "deviation": in_sample.deviation,
     }
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for name in _LIBRARIES:
-        with suppress(PackageNotFoundError):  # what is absent has a row that says so
-            found[name] = version(name)
-    return found

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from scipy.stats import qmc
-
 from mofit.bundled import bundled_campaign
 from mofit.calibration import calibrate
 from mofit.campaign_file import read_campaign
 from mofit.library import find_model
 from mofit.posing import choose_tests, main_problem
 from mofit.problem import Problem
-from mofit.refine import Minimum, merge, refine
+from mofit.refine import Minimum
+from mofit.refining import refined
 from mofit.settings import Settings, free_space
+from mofit.sobol import sobol
 
 MODEL = "maxwell_tyre"
 #: A power of two keeps the Sobol points balanced.
@@ -27,6 +27,5 @@ def pose(seed: int, jobs: int) -> tuple[Problem, Minimum]:
     chosen = campaign.select(choose_tests(model, campaign, ()))
     problem = main_problem(model, chosen, space, calibrations, settings)
     assert isinstance(problem, Problem)  # a joint one is for settings.joint
-    rough = merge(refine(problem.evaluate, qmc.Sobol(len(space), rng=seed).random(STARTS)))[0]
-    counted = problem.with_noise_at(rough.point)
-    return counted, merge(refine(counted.evaluate, rough.point[None]))[0]
+    counted, minima = refined(problem, sobol(len(space), seed).random(STARTS))
+    return counted, minima[0]

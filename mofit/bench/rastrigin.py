@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import platform
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import version
 from multiprocessing import get_context
 from typing import Any
 
@@ -16,6 +14,7 @@ from mofit.bench import peers
 from mofit.bench.competitors import Absent
 from mofit.bench.rastrigin_function import Rastrigin, found
 from mofit.bench.rows import Rows
+from mofit.bench.versions import versions
 from mofit.parameters import Array
 
 #: Table 2 of Hackl et al. 2016: % of 100 runs with the global minimum, and with >= 10, 9, 8, 7, 6, <= 5 minima.
@@ -79,12 +78,10 @@ def run(runs: int = 1000, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, 
                     head = {"search": entry.name, "function": _function(turned), "runs": count, "price": price}
                     rows.add(head, partial(_all, pool, entry, turned, price, seed, count))
     published = [_published("Table 2", PUBLISHED, 100), _published("prototype", PROTOTYPE, 4000)]
-    libraries = {name: version(name) for name in ("numpy", "scipy")}
     return [*published, *rows.done()], {
         "runs": runs,
         "seed": seed,
-        "python": platform.python_version(),
-        **libraries,
+        **versions("numpy", "scipy"),
         **NOTES,
     }
 

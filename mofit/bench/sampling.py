@@ -16,6 +16,7 @@ from mofit.bench.competitors import Absent
 from mofit.bench.nuts import CHAINS, load_jax, logit_factor, make_nuts
 from mofit.bench.pipelines.fast import Recorded
 from mofit.bench.posed import MODEL, pose
+from mofit.bench.versions import versions
 from mofit.refine import RefineSettings, merge, refine
 from mofit.sample import SampleSettings, autocorrelation_time, effective_size, laplace_covariance, r_hat, sample_mode
 from mofit.spread import spread_problem
@@ -120,18 +121,15 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 120.0) -> tuple[list[dict[s
         "jobs": jobs,
         "limit": limit,
         "cpu": platform.processor() or platform.machine(),
-        "python": platform.python_version(),
+        **versions("numpy", "scipy", "emcee", "jax", "numpyro"),
     }
     return rows, settings
 
 
 def _mofit(task: Task) -> Result:
     chains = sample_mode(task.problem.log_posterior, task.minimum.point, task.covariance, (task.seed, 1), task.settings)
-    draws = (chains.steps - chains.discard) * int((~(chains.stuck | chains.left)).sum())
     note = f"{chains.chain.shape[0]} ensembles of {chains.chain.shape[2]} walkers, {chains.steps} steps"
-    return Result(
-        float(draws / chains.tau.max()), float(chains.r_hat.max()), chains.evaluations, 0, chains.converged, note
-    )
+    return Result(chains.effective_draws, float(chains.r_hat.max()), chains.evaluations, 0, chains.converged, note)
 
 
 def _emcee(task: Task) -> Result:

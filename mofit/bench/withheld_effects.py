@@ -8,19 +8,18 @@ that runs an advised test on the same specimen, and to say which candidate to re
 from __future__ import annotations
 
 import json
-import platform
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from hashlib import sha256
-from importlib.metadata import version
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from mofit.bench.blindly import diagnose_blindly
+from mofit.bench.versions import versions
 from mofit.errors import InputError
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
@@ -62,8 +61,7 @@ def run(
         If the programs are not there: they belong to the repository, not to the installed package.
     """
     counts = {"none": NONE * runs, "per-effect": runs, "unknown": runs, "pairs": PAIRS * runs, "kin": round(KIN * runs)}
-    libraries = {name: version(name) for name in ("mofit", "numpy", "scipy", "casadi")}
-    settings = {"runs": runs, "seed": seed, "python": platform.python_version(), **libraries}
+    settings = {"runs": runs, "seed": seed, **versions("mofit", "numpy", "scipy", "casadi")}
     report = check(counts, seed, jobs, folder, ", ".join(f"{name} {value}" for name, value in settings.items()))
     figures = json.loads((report / "figures.json").read_text(encoding="utf-8"))
     return list(_rows(figures)), {**settings, "report": str(report)}

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign import Campaign
@@ -20,10 +19,11 @@ from mofit.posing import choose_tests, main_problem
 from mofit.problem import Problem
 from mofit.refine import Minimum, RefineSettings, merge, refine
 from mofit.settings import Settings, free_space
+from mofit.sobol import sobol
 
 Array = NDArray[np.float64]
 
-#: Starts of the baseline beside the nominal values; with them a power of two, as Sobol points and lanes like it.
+#: Starts of the baseline beside the nominal values; with them as many as lanes.
 STARTS = 7
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 _SETTINGS = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3)
@@ -116,8 +116,8 @@ def fit_baseline(observed: Observed, start: Array, seed: int) -> Fitted:
     searched = np.ones(dimension, dtype=bool)
     if observed.problem.prior is not None:
         searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
-    sobol = qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random(STARTS + 1)[:STARTS]
-    starts = np.concatenate([start[None], np.where(searched, sobol, start)])
+    scattered = sobol(dimension, seed).random(STARTS)
+    starts = np.concatenate([start[None], np.where(searched, scattered, start)])
     model = model.at_steps_for(start[None])
     first = fit(model, starts)
     # the minimum may be stiffer than the start

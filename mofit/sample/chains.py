@@ -64,6 +64,12 @@ class Chains:
         """Production steps per ensemble."""
         return self.chain.shape[1]
 
+    @property
+    def effective_draws(self) -> float:
+        """Effective number of all draws that are kept, N over tau, of the parameter that mixes worst."""
+        draws = (self.steps - self.discard) * int((~(self.stuck | self.left)).sum())
+        return float(draws / self.tau.max())
+
     def thinned(self) -> Draws:
         """Nearly independent draws: every ceil(2 tau)-th step of the walkers that stayed."""
         return _draws(self.chain, self.log_prob, self.stuck | self.left, self.tau, self.discard)

@@ -64,10 +64,8 @@ def _run(seed: int, jobs: int, folder: str) -> Run:
         modes = sampled_modes(read_campaign(bundled_campaign()), find_model(MODEL), Settings(seed=seed, jobs=jobs))
         seconds = time.perf_counter() - begin
     chains = [mode.chains for mode in modes]
-    kept = [(c.steps - c.discard) * int((~(c.stuck | c.left)).sum()) for c in chains]
-    ess = min(draws / float(c.tau.max()) for draws, c in zip(kept, chains, strict=True))
-    sampled = sum(c.evaluations for c in chains)
-    return Run(seconds, len(modes), ess, sum(counts), sampled)
+    ess = min(c.effective_draws for c in chains)
+    return Run(seconds, len(modes), ess, sum(counts), sum(c.evaluations for c in chains))
 
 
 @contextmanager
