@@ -116,6 +116,7 @@ def figures(
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
     missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
+    again = {p.campaign: p for p in after_next}
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
         "none": {
@@ -127,6 +128,7 @@ def figures(
             },
         },
         "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
+        "strong_with_next_test": _naming([again.get(p.campaign, p) for p in strong]),
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.score < WEAK]),
