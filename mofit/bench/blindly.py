@@ -14,6 +14,7 @@ from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.summary import summary
 from mofit.diagnosis.workshop import Workshop
 from mofit.library import find_model
+from mofit.posing import choose_tests
 from mofit.settings import Settings
 
 MODEL = "maxwell_tyre"
@@ -34,7 +35,8 @@ def diagnose_blindly(campaign: Path, removed: str | None, target: Path) -> None:
     model, measured = find_model(MODEL), read_campaign(campaign)
     names: tuple[str, ...] = ()
     if removed is not None:
-        names = tuple(effect.name for effect in choose_effects(model, measured)[0] if effect.name != removed)
+        admitted, _ = choose_effects(model, measured.select(choose_tests(model, measured, ())))
+        names = tuple(effect.name for effect in admitted if effect.name != removed)
     found = diagnose(measured, model, names, Settings(jobs=1), workshop=_workshop())
     if found.shrinkage is not None:
         arrays = {

@@ -39,7 +39,7 @@ def main() -> None:
     parser.add_argument("--made-by", default="", help="command and versions, for the page")
     options = parser.parse_args()
     labels = unseal(options.labels)
-    main_run = joined(labels, options.results)
+    main_run = joined(labels, options.results, with_truth=True)
     if not main_run:
         sys.exit(f"{options.results}: no result belongs to a campaign of {options.labels}; run the diagnosis first")
     others = [joined(labels, folder) if folder else [] for folder in (options.next, options.without)]
@@ -55,12 +55,12 @@ def main() -> None:
     print(json.dumps(found, indent=1))
 
 
-def joined(labels: Mapping[str, Mapping[str, Any]], folder: Path) -> list[Pairing]:
-    """Results beside their labels."""
+def joined(labels: Mapping[str, Mapping[str, Any]], folder: Path, with_truth: bool = False) -> list[Pairing]:
+    """Results beside their labels; ``with_truth`` with the shrinkage that the noise-free records show."""
     paths = [folder / f"{name}.json" for name in labels if (folder / f"{name}.json").exists()]
     return [
-        Pairing(p.stem, labels[p.stem], json.loads(p.read_text()), actual(labels[p.stem], p.with_suffix(".npz")))
-        for p in paths
+        Pairing(p.stem, label, json.loads(p.read_text()), actual(label, p.with_suffix(".npz")) if with_truth else None)
+        for p, label in ((path, labels[path.stem]) for path in paths)
     ]
 
 

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from mofit.bench.blindly import diagnose_blindly
 from mofit.bench.withheld_effects import check
 
 COUNTS = {"none": 1, "per-effect": 0, "unknown": 0, "pairs": 0, "kin": 0}
@@ -19,3 +20,9 @@ def test_campaigns_are_made_diagnosed_and_scored_once(tmp_path: Path) -> None:
     before = result.stat().st_mtime_ns
     assert check(COUNTS, 5, 1, tmp_path, "a test") == report
     assert result.stat().st_mtime_ns == before
+    (campaign,) = (report.parents[1] / "campaigns").glob("*.nc")
+    diagnose_blindly(campaign, "delay", tmp_path)
+    candidates = json.loads((tmp_path / f"{campaign.stem}.json").read_text())["candidates"]
+    names = {candidate["name"] for candidate in candidates}
+    assert "delay" not in names
+    assert {"drift", "contact_patch_lag"} < names
