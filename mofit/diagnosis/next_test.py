@@ -32,6 +32,8 @@ SEPARATES = 40.0
 #: a quiet rig sees.
 _FEWEST_SAMPLES = 16
 _STEPS = 8
+#: Multiple of the largest measured output past which an answer has run away.
+_WILD = 100.0
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
         if alike[first].effects != alike[second].effects:
             for pair in ((first, second), (second, first)):
                 separation = np.minimum(separation, _separations(answers, alike, pair, noise))
-    best = int(np.argmax(np.nan_to_num(separation)))
+    best = int(np.argmax(separation))
     procedure, largest = procedures[best], float(separation[best])
     # of the test that was varied: phases of what turns, say, are those of a record
     usual = max(procedures, key=lambda one: one.conditions.get("longitudinal_velocity", 0.0)).conditions
@@ -137,17 +139,23 @@ def _noise(observed: Observed) -> float:
 
 
 def _answers(observed: Observed, fitted: Fitted, procedures: Sequence[Procedure]) -> list[tuple[Array, Array]]:
-    """Output (n,) and its derivative by the unit coordinates (n, d) in every proposed test."""
+    """Output (n,) and its derivative by the unit coordinates (n, d) in every proposed test; nan where it runs away."""
     model = fitted.hypothesis
     extended = with_effects(observed.problem.model, *model.effects)
     drives = [_drive(observed, extended, procedure) for procedure in procedures]
     _, simulator = observed.workshop.simulator(extended, drives, model.space.names, _STEPS)
     point = fitted.minimum.point
     slope = model.space.slope(model.space.from_unit(point))
+    channel = observed.problem.model.outputs[0].name
+    peak = max(float(np.max(np.abs(m.outputs[channel]))) for m in observed.problem.measurements)
     found = []
     for procedure, (output, slopes) in zip(procedures, simulator.sensitivities(model.full(point[None])), strict=True):
         settled = procedure.time >= _SETTLING / float(procedure.frequency or 1)
-        found.append((output[0, settled, 0], slopes[0, settled, 0] * slope))
+        # an explanation that runs away in a test says nothing of it
+        if not np.max(np.abs(output)) < _WILD * peak:
+            found.append((np.full(int(settled.sum()), np.nan), np.zeros((int(settled.sum()), len(slope)))))
+        else:
+            found.append((output[0, settled, 0], slopes[0, settled, 0] * slope))
     return found
 
 
@@ -177,7 +185,7 @@ def _separations(
         difference, columns = (truth - output) / np.sqrt(noise), slopes[:, free] / np.sqrt(noise)
         pull = columns.T @ difference
         found.append(float(difference @ difference - pull @ np.linalg.solve(columns.T @ columns + normal, pull)))
-    return np.array(found)
+    return np.nan_to_num(found)
 
 
 def _sentence(
