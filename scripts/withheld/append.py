@@ -2,7 +2,7 @@
 
     python scripts/withheld/append.py DIR RESULTS --out NEXT
 
-For every result RESULTS/<name>.json that claims its next test would resolve a group, NEXT/<name>.nc is the campaign
+For every result RESULTS/<name>.json that explains the gap and claims its next test would tell the explanations apart, NEXT/<name>.nc is the campaign
 with that test run and added. What is hidden stays hidden: labels are opened to run the test, and nothing of them shows.
 """
 
@@ -22,6 +22,7 @@ from respond import respond
 from rig_tests import RAMP, SPEED, RigTest, phases
 from sealed import unseal
 from specimen import add_noise
+from tally import Pairing, claims
 
 #: between the last test and the added one, s
 PAUSE = 30.0
@@ -37,8 +38,9 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     labels = unseal(options.folder / "labels.sealed")
     for path in sorted(options.results.glob("*.json")):
-        spec, target = json.loads(path.read_text())["next_test"], options.out / f"{path.stem}.nc"
-        if spec and spec.get("resolves") and path.stem in labels and not target.exists():
+        result, target = json.loads(path.read_text()), options.out / f"{path.stem}.nc"
+        if path.stem in labels and not target.exists() and claims(Pairing(path.stem, labels[path.stem], result)):
+            spec = result["next_test"]
             append_test(options.folder / "campaigns" / f"{path.stem}.nc", labels[path.stem], spec, target)
             print(path.stem, file=sys.stderr)
 

@@ -151,7 +151,7 @@ def figures(
         "shrinkage": _shrinkage([p for p in (*strong, *by_case["pair"]) if p.exact]),
         "size": _sizes([p for p in strong if p.exact]),
         "next_test": {
-            "claimed": sum(bool((p.result.get("next_test") or {}).get("resolves")) for p in pairings),
+            "claimed": sum(claims(p) for p in pairings),
             "resolved": share(p.exact for p in after_next),
         },
         "by_effect": {
@@ -207,6 +207,11 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
 def removable(p: Pairing) -> bool:
     """Whether a strong effect must be missed where it is no candidate: no other one can stand in for it."""
     return p.strength >= STRONG and _next_best(p) >= SEPARABLE
+
+
+def claims(p: Pairing) -> bool:
+    """Whether a diagnosis that explains the gap says that its next test would tell its explanations apart."""
+    return p.verdict != "unknown" and bool((p.result.get("next_test") or {}).get("resolves"))
 
 
 def _next_best(p: Pairing) -> float:
