@@ -2,8 +2,9 @@
 
     python scripts/withheld/append.py DIR RESULTS --out NEXT
 
-For every result RESULTS/<name>.json that explains the gap and claims its next test would tell the explanations apart, NEXT/<name>.nc is the campaign
-with that test run and added. What is hidden stays hidden: labels are opened to run the test, and nothing of them shows.
+For every result RESULTS/<name>.json that explains the gap and claims its next test would tell its explanations apart,
+NEXT/<name>.nc is the campaign with that test run and added. What is hidden stays hidden: labels are opened to run the
+test, and nothing of them shows.
 """
 
 from __future__ import annotations
