@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 #: Runge-Kutta steps per sample in the stages' tests, which are slow.
 _STEPS = 4
-#: Gauss-Newton iterations from the stage's own minimum to the one with the effect, which is close.
+#: Gauss-Newton iterations from where a stage's minimum with the effect is foreseen.
 _ITERATIONS = 4
 
 
@@ -80,31 +80,43 @@ def recalibrated(
     calibrations: Sequence[Calibration],
     workshop: Workshop,
 ) -> Cause:
-    """The cause with the stages fitted anew, the effect having these values in their tests."""
-    effect = cause.effect
+    """The cause with the stages fitted anew, the effect having these values in their tests.
+
+    Where an effect is so large that a stage's tests cannot be simulated or fitted with it, the cause stays as it is.
+    """
+    effect, size = cause.effect, np.array([values[name] for name in cause.effect.size])
     moved, carried = np.zeros(len(space)), np.zeros((len(space), len(effect.size)))
+    foreseen = cause.moved - cause.carried @ (size - cause.around)
     for calibration in calibrations:
         stage = calibration.problem
         # effects that need the time or conditions of a test act on dynamic tests
         if why_not(effect, stage.model) is not None or effect.inputs or effect.conditions:
             continue
-        found, slope = _refitted(calibration, effect, values, workshop)
         place = [space.index(name) for name in stage.space.names]
         known = space.subset(stage.space.names)
-        moved[place] += known.to_unit(found) - known.to_unit(list(calibration.values.values()))
-        carried[place] += slope / known.slope(found)[:, None]
-    size = np.array([values[name] for name in effect.size])
-    return replace(cause, around=size, moved=np.nan_to_num(moved), carried=np.nan_to_num(carried))
+        without = known.to_unit(list(calibration.values.values()))
+        start = known.from_unit(np.clip(without + foreseen[place], 0.0, 1.0))
+        found, slope = _refitted(calibration, effect, values, start, workshop)
+        # a stage that ran away may have left the logarithms' domain
+        with np.errstate(invalid="ignore"):
+            moved[place] += known.to_unit(found) - without
+            carried[place] += slope / known.slope(found)[:, None]
+    if not (np.isfinite(moved).all() and np.isfinite(carried).all()):
+        return cause
+    return replace(cause, around=size, moved=moved, carried=carried)
 
 
 def _refitted(
-    calibration: Calibration, effect: Effect, values: Mapping[str, float], workshop: Workshop
+    calibration: Calibration, effect: Effect, values: Mapping[str, float], start: Array, workshop: Workshop
 ) -> tuple[Array, Array]:
-    """Estimates of a stage with the effect, (k,), and minus their derivative by the effect's size, (k, q)."""
+    """Estimates of a stage with the effect, (k,), and minus their derivative by the effect's size, (k, q).
+
+    From a start (k,) near the minimum; nan where the normal equations have no solution.
+    """
     stage = calibration.problem
     free = (*stage.space.names, *effect.size)
     system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
-    here = {**stage.fixed, **calibration.values, **effect.neutral, **values}
+    here = {**stage.fixed, **dict(zip(stage.space.names, map(float, start), strict=True)), **effect.neutral, **values}
     count = len(stage.space)
     carried: Array = np.zeros((count, len(effect.size)))
     for _ in range(_ITERATIONS if any(values[name] != effect.neutral[name] for name in effect.size) else 1):
@@ -115,7 +127,10 @@ def _refitted(
             gap = (drive.measured - output[0])[..., None]
             normal += np.einsum("nyi,nyj->ij", slopes[0, ..., :count], weighted)
             pull += np.einsum("nyi,nyj->ij", weighted, np.concatenate([gap, slopes[0, ..., count:]], axis=-1))
-        step = np.linalg.solve(normal, pull)
+        try:
+            step = np.linalg.solve(normal, pull)
+        except np.linalg.LinAlgError:
+            step = np.full_like(pull, np.nan)
         carried = np.asarray(step[:, 1:], dtype=np.float64)
         if any(values[name] != effect.neutral[name] for name in effect.size):
             for name, change in zip(stage.space.names, step[:, 0], strict=True):

@@ -147,7 +147,8 @@ def diagnose(
         agreements=tuple(agreements(case.found.baseline)),
         shrinkage=shrinkage,
         shrinkage_reason=reason,
-        next_test=next_test(observed, case.conclusion.alike),
+        # explanations that do not explain need no parting
+        next_test=None if conclusion.verdict == "unknown" else next_test(observed, case.conclusion.alike),
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Grid points of an effect that a refit starts from, each twice; with the typical size no more starts than lanes.
 _POINTS = 3
+#: Times that the stages are looked at anew, and the change of the log posterior at which that ends.
+_ROUNDS, _STANDS = 10, 0.1
 
 
 @dataclass(frozen=True)
@@ -62,9 +64,7 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     starts = [_start(new, here, {})]
     starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
     try:
-        found = fit(new.with_steps(_steps(old, added)), np.array(starts))
-        best = found.minimum.point[None]
-        return fit(_recalibrated(found).at_steps_for(best), best).put_away()
+        return _settled(fit(new.with_steps(_steps(old, added)), np.array(starts))).put_away()
     except InputError:
         return None
 
@@ -72,6 +72,18 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
 def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
     """Steps that served the parts of a new hypothesis; the minimum is looked at more closely."""
     return max([old.simulator.steps or 1, *(found.candidate.steps for found in added if found.effect.states)])
+
+
+def _settled(found: Fitted) -> Fitted:
+    """Fitted with the stages looked at where its effects end, until that stands: a large effect bends what it moves."""
+    for _ in range(_ROUNDS):
+        best = found.minimum.point[None]
+        again = fit(_recalibrated(found).at_steps_for(best), best)
+        stands = abs(again.minimum.value - found.minimum.value) < _STANDS
+        found = again
+        if stands or not any(cause.everywhere for cause in found.hypothesis.causes):
+            break
+    return found
 
 
 def _recalibrated(fitted: Fitted) -> Hypothesis:

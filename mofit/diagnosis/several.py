@@ -126,7 +126,7 @@ def _promising(screened: Sequence[Screened], share: float) -> list[Screened]:
     """Those with at least this share of the largest T, the largest first."""
     largest = max((one.statistic for one in screened), default=0.0)
     kept = [one for one in screened if one.statistic > share * largest and one.statistic > 0]
-    return sorted(kept, key=lambda one: -one.statistic)[:8]
+    return sorted(kept, key=lambda one: -one.statistic)[:12]
 
 
 def _order(explanation: Explanation) -> float:

@@ -59,7 +59,7 @@ class Thresholds:
     coarse_share: float = 0.4
     coarse_lead: float = 2.0
     alike: float = 6.0
-    promising: float = 0.25
+    promising: float = 0.1
     hopeless: float = 0.01
     next_promising: float = 0.5
     contender: float = 60.0

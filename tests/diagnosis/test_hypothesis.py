@@ -90,6 +90,8 @@ def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_foreseen() 
     # looked at with the offset itself, the stage finds what it had found without one
     again = recalibrated(everywhere, {"alpha_0": offset}, space, with_, WORKSHOP)
     np.testing.assert_allclose(again.moved[place], -moved, rtol=1e-2)
+    # steered past a right angle these tests cannot be fitted
+    assert recalibrated(everywhere, {"alpha_0": np.pi / 2}, space, with_, WORKSHOP) is everywhere
 
 
 def test_the_prior_follows_an_effect_of_the_calibration_tests() -> None:
