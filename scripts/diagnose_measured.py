@@ -13,6 +13,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +24,6 @@ from scipy.stats import f as fisher
 
 from mofit.campaign import Array, Measurement
 from mofit.diagnosis.diagnose import Diagnosis, diagnose
-from mofit.diagnosis.workshop import Workshop
 from mofit.library import find_effect, find_model
 from mofit.model import with_effects
 from mofit.moduli import sine_tests
@@ -163,50 +166,70 @@ RECONSTITUTED = (
 LINEAR = ("second_branch", "springpot", "delay", "sensor_lowpass", "inertia", "force_gain")
 
 
-def dma(data: Path, seed: int) -> list[str]:
-    """One relaxation time against the dynamic moduli of every temperature."""
-    columns = np.genfromtxt(data / "nrel_dma" / "freq_user_raw.csv", delimiter=",", skip_header=2)
+@dataclass(frozen=True)
+class Temperature:
+    """What the moduli of one temperature said: a row of the table, and the whole of it."""
+
+    row: str
+    further: str
+    rejected: bool
+    loss: float
+    celsius: int
+    told: list[str]
+
+
+def temperature(moduli: Array, seed: int) -> Temperature:
+    """One relaxation time against moduli (n, 4): frequency, E', E'', temperature."""
+    f, storage, loss, celsius = moduli.T
+    spread = np.maximum(SCATTER[0] * storage, SCATTER[1] * loss)
+    campaign = sine_tests(f, *(PER_MPA * part for part in (storage, loss, spread)), seed=seed)
     # the standard linear solid: a spring beside one Maxwell branch
-    model, workshop = find_model("maxwell_damper"), Workshop(1)
     settings = Settings(seed=seed, jobs=1, fixed={"d": 0.0, "p": 0.0, "F_0": 0.0}, bounds={"c": (0.0, 1e5)})
-    rows, said, rejected, lossy = [], [], 0, (0.0, 0.0, [""])
-    for number in np.unique(columns[:, 4]):
-        f, storage, loss, celsius, _ = columns[columns[:, 4] == number].T
-        spread = np.maximum(SCATTER[0] * storage, SCATTER[1] * loss)
-        campaign = sine_tests(f, *(PER_MPA * part for part in (storage, loss, spread)), seed=seed)
-        found = diagnose(campaign, model, LINEAR, settings, workshop=workshop)
-        rejected += found.attribution.left.p < 1e-3
-        further = bool(RELAXATION & set(found.attribution.best.effects))
-        said.append(("nearest" if found.conclusion.verdict == "unknown" else "named") if further else "no")
-        values, tan, degrees = found.attribution.best.fitted.values, loss / storage, round(float(celsius.mean()))
-        times = [values["d_M"] / values["c_M"], *([values["tau_2"]] if "tau_2" in values else [])]
-        cells = (
-            degrees,
-            f"{storage.min():.0f} to {storage.max():.0f}",
-            f"{tan.min():.3f} to {tan.max():.3f}",
-            said[-1],
-            found.conclusion.sentence,
-            ", ".join(f"{time:.2g}" for time in times),
-            f"{values['a_f']:.2f}" if "a_f" in values else "",
-        )
-        rows.append(f"| {' | '.join(map(str, cells))} |")
-        lossy = max(lossy, (float(tan.max()), degrees, told(found)))
+    found = diagnose(campaign, find_model("maxwell_damper"), LINEAR, settings)
+    further = "no"
+    if RELAXATION & set(found.attribution.best.effects):
+        further = "nearest" if found.conclusion.verdict == "unknown" else "named"
+    values, tan, degrees = found.attribution.best.fitted.values, loss / storage, round(float(celsius.mean()))
+    times = [values["d_M"] / values["c_M"], *([values["tau_2"]] if "tau_2" in values else [])]
+    cells = (
+        degrees,
+        f"{storage.min():.0f} to {storage.max():.0f}",
+        f"{tan.min():.3f} to {tan.max():.3f}",
+        further,
+        found.conclusion.sentence,
+        ", ".join(f"{time:.2g}" for time in times),
+        f"{values['a_f']:.2f}" if "a_f" in values else "",
+    )
+    row = f"| {' | '.join(map(str, cells))} |"
+    return Temperature(row, further, found.attribution.left.p < 1e-3, float(tan.max()), degrees, told(found))
+
+
+def dma(data: Path, seed: int) -> list[str]:
+    """One relaxation time against the dynamic moduli of every temperature, on both cores."""
+    columns = np.genfromtxt(data / "nrel_dma" / "freq_user_raw.csv", delimiter=",", skip_header=2)
+    parts = [columns[columns[:, 4] == number, :4] for number in np.unique(columns[:, 4])]
+    # a process keeps what it compiled; after some temperatures that fills the memory
+    with ProcessPoolExecutor(2, get_context("spawn"), max_tasks_per_child=5) as pool:
+        found = list(pool.map(partial(temperature, seed=seed), parts))
+    lossy = max(found, key=lambda one: one.loss)
+    said = [one.further for one in found]
     return [
         "## Dynamic-mechanical analysis of a polymer",
         "",
         RECONSTITUTED,
         "",
-        f"**One relaxation time is rejected (p < 0.001) at {rejected} of {len(rows)} temperatures. More than one is "
+        f"**One relaxation time is rejected (p < 0.001) at {sum(one.rejected for one in found)} of {len(found)} "
+        "temperatures. More than one is "
         f"named at {said.count('named')}, and at {said.count('nearest')} part of the nearest "
         "explanation, which leaves more than noise.**",
         "",
         "| °C | E' MPa | tan δ | a further one | in words | relaxation times s | springpot's exponent |",
         "|---|---|---|---|---|---|---|",
-        *rows,
+        *(one.row for one in found),
         "",
-        f"At {lossy[1]} °C, where the loss is largest:",
+        f"At {lossy.celsius} °C, where the loss is largest:",
         "",
-        *lossy[2],
+        *lossy.told,
     ]
 
 
