@@ -208,9 +208,11 @@ def dma(data: Path, seed: int) -> list[str]:
     """One relaxation time against the dynamic moduli of every temperature, on both cores."""
     columns = np.genfromtxt(data / "nrel_dma" / "freq_user_raw.csv", delimiter=",", skip_header=2)
     parts = [columns[columns[:, 4] == number, :4] for number in np.unique(columns[:, 4])]
+    found: list[Temperature] = []
     # a process keeps what it compiled; after some temperatures that fills the memory
-    with ProcessPoolExecutor(2, get_context("spawn"), max_tasks_per_child=5) as pool:
-        found = list(pool.map(partial(temperature, seed=seed), parts))
+    for start in range(0, len(parts), 6):
+        with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+            found += pool.map(partial(temperature, seed=seed), parts[start : start + 6])
     lossy = max(found, key=lambda one: one.loss)
     said = [one.further for one in found]
     return [

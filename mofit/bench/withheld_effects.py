@@ -25,7 +25,7 @@ from mofit.errors import InputError
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: Campaigns without effect, with two, and with another law, per campaign of one effect.
 NONE, PAIRS, KIN = 20, 3, 0.5
-#: Campaigns that a process diagnoses before another takes its place.
+#: Campaigns that a process diagnoses, about, before another takes its place.
 _TASKS = 25
 #: Parts of the package that a diagnosis does not depend on.
 _ASIDE = {"bench", "cli", "identifiability", "report", "sample", "search"}
@@ -76,14 +76,12 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
     _program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
     results = place / f"results-{_code()}"
     first, following, without = (results / name for name in ("first", "next", "without"))
-    # a process keeps what it compiled; after some campaigns that fills the memory
-    with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=_TASKS) as pool:
-        _diagnosed(pool, place / "campaigns", first, None)
-        _program("append.py", place, first, "--out", following / "campaigns")
-        _diagnosed(pool, following / "campaigns", following, None)
-        _program("leave_out.py", place, "--out", results / "removed.json")
-        removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
-        _diagnosed(pool, place / "campaigns", without, removed)
+    _diagnosed(place / "campaigns", first, jobs, None)
+    _program("append.py", place, first, "--out", following / "campaigns")
+    _diagnosed(following / "campaigns", following, jobs, None)
+    _program("leave_out.py", place, "--out", results / "removed.json")
+    removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
+    _diagnosed(place / "campaigns", without, jobs, removed)
     _program(
         "score.py", place / "labels.sealed", first, "--next", following, "--without", without,
         "--out", results / "report", "--made-by", f"`mofit bench withheld-effects`: {made_by}",
@@ -96,14 +94,18 @@ def _program(name: str, *arguments: str | Path) -> None:
     subprocess.run([sys.executable, str(SCRIPTS / name), *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
 
 
-def _diagnosed(pool: ProcessPoolExecutor, campaigns: Path, target: Path, removed: Mapping[str, str] | None) -> None:
+def _diagnosed(campaigns: Path, target: Path, jobs: int, removed: Mapping[str, str] | None) -> None:
     """Diagnose what is not done yet: every campaign of a folder, or those of which a candidate is removed."""
     target.mkdir(parents=True, exist_ok=True)
     files = sorted(path for path in campaigns.glob("*.nc") if removed is None or path.stem in removed)
     missing = [path for path in files if not (target / f"{path.stem}.json").exists()]
     less = [None if removed is None else removed[path.stem] for path in missing]
-    for _ in pool.map(partial(diagnose_blindly, target=target), missing, less):
-        pass
+    # a process keeps what it compiled; after some campaigns that fills the memory. A pool that replaces its processes
+    # (max_tasks_per_child) can come to rest for good (CPython issue 115634)
+    for start in range(0, len(missing), jobs * _TASKS):
+        part = slice(start, start + jobs * _TASKS)
+        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+            list(pool.map(partial(diagnose_blindly, target=target), missing[part], less[part]))
 
 
 def _code() -> str:
