@@ -152,11 +152,12 @@ def _answers(observed: Observed, fitted: Fitted, procedures: Sequence[Procedure]
     found = []
     for procedure, (output, slopes) in zip(procedures, simulator.sensitivities(model.full(point[None])), strict=True):
         settled = procedure.time >= _SETTLING / float(procedure.frequency or 1)
+        with np.errstate(over="ignore", invalid="ignore"):
+            answer, columns = output[0, settled, 0], slopes[0, settled, 0] * slope
         # an explanation that runs away in a test says nothing of it
-        if not np.max(np.abs(output)) < _WILD * peak:
-            found.append((np.full(int(settled.sum()), np.nan), np.zeros((int(settled.sum()), len(slope)))))
-        else:
-            found.append((output[0, settled, 0], slopes[0, settled, 0] * slope))
+        if not np.max(np.abs(output[0, :, 0])) < _WILD * peak:
+            answer, columns = np.full_like(answer, np.nan), np.zeros_like(columns)
+        found.append((answer, columns))
     return found
 
 

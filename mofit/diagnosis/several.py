@@ -15,6 +15,9 @@ from mofit.diagnosis.screen import Screened, screen
 from mofit.diagnosis.thresholds import Thresholds
 from mofit.progress import Progress, silent
 
+#: Most candidates that are refitted at once.
+_MOST = 12
+
 
 @dataclass(frozen=True)
 class Attribution:
@@ -126,7 +129,7 @@ def _promising(screened: Sequence[Screened], share: float) -> list[Screened]:
     """Those with at least this share of the largest T, the largest first."""
     largest = max((one.statistic for one in screened), default=0.0)
     kept = [one for one in screened if one.statistic > share * largest and one.statistic > 0]
-    return sorted(kept, key=lambda one: -one.statistic)[:12]
+    return sorted(kept, key=lambda one: -one.statistic)[:_MOST]
 
 
 def _order(explanation: Explanation) -> float:

@@ -49,8 +49,8 @@ def main() -> None:
     down, across, counts = confusion(main_run)
     (options.out / "README.md").write_text(page(found, down, across, counts, options.made_by), encoding="utf-8")
     (options.out / "figures.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    rows = [row(p) for p in main_run]
-    (options.out / "rows.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    rows = ",\n".join(json.dumps(row(p)) for p in main_run)
+    (options.out / "rows.json").write_text(f"[\n{rows}\n]\n", encoding="utf-8")
     draw(options.out / "confusion.png", down, across, counts)
     print(json.dumps(found, indent=1))
 

@@ -145,6 +145,7 @@ def figures(
             "precision": share(name in p.true for p in by_case["pair"] for name in p.named),
         },
         "without_the_true_one": {
+            "removable": sum(removable(p) for p in effects),
             "said_unknown": share(p.verdict == "unknown" for p in missed),
             "confidently_wrong": share(bool(p.named) for p in missed),
         },

@@ -55,6 +55,7 @@ def page(
         f"| … precision | {_share(pairs['precision'])} | ≥ 90 % |",
         f"| true effect removed from the candidates: said unknown | {_share(without['said_unknown'])} | |",
         f"| … confidently wrong | {_share(without['confidently_wrong'])} | |",
+        f"| … of so many that could be removed | {without['removable']} | |",
         f"| shrinkage: predicted off by, median / 90 % | {_pair(shrinkage['predicted_off'])} | ≤ 0.02 / 0.05 |",
         f"| … confirmed off by, median / 90 % | {_pair(shrinkage['confirmed_off'])} | |",
         f"| … 90 % intervals cover | {_share(shrinkage['covered'])} | 87 to 93 % |",

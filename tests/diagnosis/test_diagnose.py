@@ -75,6 +75,7 @@ def test_two_effects_at_once_are_both_named() -> None:
 def test_without_the_right_effect_none_is_blamed() -> None:
     found = damper_diagnosis(FRICTION, ("cubic_stiffness", "quadratic_damping", "delay", "inertia"))
     assert found.conclusion.verdict == "unknown"
+    assert found.next_test is None
     assert found.shrinkage is None
     assert "none of the known effects" in found.shrinkage_reason.lower()
 
