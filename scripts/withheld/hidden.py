@@ -96,6 +96,8 @@ def label(slot: Slot) -> dict[str, Any]:
     entry["strength"] = place.left(whole)
     entry["separation"] = place.separation(whole)
     entry["beyond_library"] = place.beyond(whole)
+    if slot.case == "effect":
+        entry["beyond_others"] = place.beyond(whole, but=slot.cause)
     if slot.case in ("effect", "pair"):
         entry["shrinkage"] = shrinkage(place, whole, np.stack(own, axis=1))
     return entry

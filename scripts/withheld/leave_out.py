@@ -2,7 +2,7 @@
 
     python scripts/withheld/leave_out.py DIR --out removed.json
 
-Campaigns of one strong library effect that no other one can stand in for, by the sealed labels: {campaign: effect}.
+Campaigns of one library effect that all others together cannot stand in for, by the sealed labels: {campaign: effect}.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ the cause makes, S_k that of a library effect.
 
     strength      |M g|^2,  M = I - J J+                      what re-identification leaves: expected score T less q
     separation_k  min |(I - P_[J, S_k]) g|^2                  what effect k besides leaves
-    beyond        |(I - P_[J, all S]) g|^2                    what the whole library at once leaves
+    beyond        |(I - P_[J, all S]) g|^2                    what the whole library at once leaves, or all but one
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class Ground:
             found[name] = min(left)
         return found
 
-    def beyond(self, gap: Array) -> float:
-        """What the whole library leaves of a gap (m,)."""
-        return self.left(gap, *(columns for grid in self.directions.values() for columns in grid))
+    def beyond(self, gap: Array, but: str = "") -> float:
+        """What the whole library, or all of it ``but`` one effect, leaves of a gap (m,)."""
+        return self.left(gap, *(c for name, grid in self.directions.items() if name != but for c in grid))
 
 
 def ground(specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, library: bool = True) -> Ground:

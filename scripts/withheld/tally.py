@@ -12,8 +12,8 @@ from scipy.stats import beta
 
 #: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
-#: what the whole library leaves of a stranger, and the best other effect of a removed one, from which it must be missed
-CLEAR, SEPARABLE = 50.0, 100.0
+#: what the whole library leaves of a stranger, or of an effect that is taken from it, from which that must be missed
+CLEAR = 50.0
 #: what the best other effect leaves of one from which these tests can surely tell it from all others
 TOLD_APART = 40.0
 
@@ -206,8 +206,8 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
 
 
 def removable(p: Pairing) -> bool:
-    """Whether a strong effect must be missed where it is no candidate: no other one can stand in for it."""
-    return p.strength >= STRONG and _next_best(p) >= SEPARABLE
+    """Whether an effect must be missed where it is no candidate: all others together cannot stand in for it."""
+    return bool(p.label["beyond_others"] >= CLEAR)
 
 
 def claims(p: Pairing) -> bool:

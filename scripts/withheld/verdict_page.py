@@ -25,7 +25,7 @@ def page(
         "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
         "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
         "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
-        "that no single other one can stand in for; two or three together still may, and count as confidently wrong.",
+        "that all others together cannot stand in for, as the effects outside the library.",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",

@@ -25,7 +25,7 @@ def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", ot
     ]  # fmt: skip
     separation = {**dict.fromkeys(names, 0.0), "other": others}
     return {"case": case, "cause": names[0] if len(names) == 1 else "", "noise": noise, "causes": causes,
-            "beyond_library": beyond, "separation": separation}  # fmt: skip
+            "beyond_library": beyond, "beyond_others": others, "separation": separation}  # fmt: skip
 
 
 def pairs(*rows):
