@@ -15,8 +15,8 @@ from mofit.diagnosis.screen import Screened, screen
 from mofit.diagnosis.thresholds import Thresholds
 from mofit.progress import Progress, silent
 
-#: Most candidates that are refitted at once.
-_MOST = 12
+#: Most candidates that are refitted at once, and most sets of one more effect.
+_MOST, _EXTENSIONS = 12, 6
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,16 @@ class _Search:
         found = tuple(sorted((*self.found, *made.values()), key=_order))
         return _Search(self.baseline, self.candidates, self.thresholds, found)
 
+    def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
+        """With a refit of just these effects, added one by one."""
+        if self.tried(effects):
+            return self
+        *first, last = effects
+        state = self.reached(first, progress)
+        bases = [explanation.fitted for explanation in state.found if explanation.effects == tuple(sorted(first))]
+        added = [one for base in bases for one in screen(base, state.candidates) if one.name == last]
+        return state.extended(bases[0], added, progress) if bases else state
+
 
 def attribute(
     baseline: Fitted, candidates: Sequence[Candidate], thresholds: Thresholds, progress: Progress = silent
@@ -105,24 +115,35 @@ def attribute(
 
 
 def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
-    """Extend the best explanations of ``count`` effects by one more where something is left."""
-    level = [explanation for explanation in state.found if len(explanation.effects) == count]
-    for explanation in level[: state.thresholds.widths]:
-        found = screen(explanation.fitted, state.candidates)
-        gap = min([remaining(explanation.fitted).p, *(one.p_holm for one in found)])
-        if gap >= state.thresholds.more:
-            # nothing is left to explain; others of this size can only be alternatives
-            break
-        state = state.extended(explanation.fitted, _promising(found, state.thresholds.next_promising)[:3], progress)
-    # every part of a larger set is tried too
-    best = state.best
-    if len(best.effects) == count + 1:
-        for name in best.effects:
-            rest = tuple(other for other in best.effects if other != name)
-            if not state.tried(rest) and len(rest) == 1:
-                one = next(s for s in screen(state.baseline, state.candidates) if s.name == rest[0])
-                state = state.extended(state.baseline, [one], progress)
+    """Extend explanations of ``count`` effects by one more where something is left, those first that promise most."""
+    level = [explanation for explanation in state.found if len(explanation.effects) == count][:_MOST]
+    if not level:
+        return state
+    screened = [screen(explanation.fitted, state.candidates) for explanation in level]
+    if min([remaining(level[0].fitted).p, *(one.p_holm for one in screened[0])]) < state.thresholds.more:
+        for base, added in _best_extensions(level, screened, state.thresholds.next_promising):
+            state = state.extended(base, added, progress)
+    best = state.best.effects
+    for left_out in best if len(best) > 1 else ():
+        state = state.reached([name for name in best if name != left_out], progress)
     return state
+
+
+def _best_extensions(
+    level: Sequence[Explanation], screened: Sequence[Sequence[Screened]], share: float
+) -> list[tuple[Fitted, list[Screened]]]:
+    """What to add to which explanation: the sets of which the score test promises the best criteria."""
+    promised: dict[tuple[str, ...], tuple[float, Explanation, Screened]] = {}
+    for base, tests in zip(level, screened, strict=True):
+        for one in tests:
+            effects = tuple(sorted((*base.effects, one.name)))
+            criterion = base.criterion - one.statistic
+            if one.statistic > 0 and criterion < promised.get(effects, (np.inf,))[0]:
+                promised[effects] = criterion, base, one
+    best = sorted(promised.values(), key=lambda found: found[0])[:_EXTENSIONS]
+    worth = level[0].criterion - share * (level[0].criterion - best[0][0]) if best else 0.0
+    chosen = [(base, one) for criterion, base, one in best if criterion < worth]
+    return [(base.fitted, added) for base in level if (added := [one for by, one in chosen if by is base])]
 
 
 def _promising(screened: Sequence[Screened], share: float) -> list[Screened]:

@@ -34,18 +34,17 @@ class Thresholds:
     coarse_lead
         any other leaving this many times as much.
     alike
-        Difference of the information criterion below which explanations count as alike.
+        Difference of the information criterion below which explanations count as alike: ten times less probable.
     promising, hopeless
         Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
     next_promising
-        The same for one more effect: what is left is small, and the score test is nearly exact.
+        The same for one more effect, by what it promises to better the best criterion: what is left is small, and the
+        score test is nearly exact.
     contender
         Difference of the criterion up to which both ways are fitted in full, with the effect in the calibration tests
         and without.
     most_effects
         Most effects at once.
-    widths
-        So many of the best explanations are extended by one more effect.
     """
 
     gap: float = 2e-3
@@ -58,13 +57,12 @@ class Thresholds:
     resolution: float = 0.1
     coarse_share: float = 0.4
     coarse_lead: float = 2.0
-    alike: float = 6.0
+    alike: float = 4.6
     promising: float = 0.1
     hopeless: float = 0.01
     next_promising: float = 0.5
     contender: float = 60.0
     most_effects: int = 3
-    widths: int = 2
 
     @property
     def roughly(self) -> Thresholds:

@@ -98,6 +98,8 @@ def label(slot: Slot) -> dict[str, Any]:
     entry["beyond_library"] = place.beyond(whole)
     if slot.case == "effect":
         entry["beyond_others"] = place.beyond(whole, but=slot.cause)
+    if slot.case == "pair":
+        entry["next_pair"] = place.next_pair(whole, [drawn.cause.name for drawn, _ in chosen])
     if slot.case in ("effect", "pair"):
         entry["shrinkage"] = shrinkage(place, whole, np.stack(own, axis=1))
     return entry

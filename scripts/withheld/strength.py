@@ -7,13 +7,15 @@ the cause makes, S_k that of a library effect.
 
     strength      |M g|^2,  M = I - J J+                      what re-identification leaves: expected score T less q
     separation_k  min |(I - P_[J, S_k]) g|^2                  what effect k besides leaves
+    next_pair     min |(I - P_[J, S_k, S_l]) g|^2             what the best other pair of effects k and l leaves
     beyond        |(I - P_[J, all S]) g|^2                    what the whole library at once leaves, or all but one
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from causes import LIBRARY, SINES, Cause, Drawn
@@ -77,6 +79,27 @@ class Ground:
                 left.append(float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
             found[name] = min(left)
         return found
+
+    def next_pair(self, gap: Array, true: Collection[str]) -> float:
+        """What the best pair of library effects but the ``true`` one, each at its best shape, leaves of a gap (m,)."""
+        basis = _basis(self.jacobian)
+        rest = gap - basis @ (basis.T @ gap)
+        names, groups, columns = [], [], [rest[:, None]]
+        for name, grid in self.directions.items():
+            for group in grid:
+                own = group - basis @ (basis.T @ group)
+                names.append(name)
+                groups.append(np.arange(own.shape[1]) + sum(c.shape[1] for c in columns))
+                columns.append(own / np.linalg.norm(own, axis=0).clip(1e-300))
+        joined = np.concatenate(columns, axis=1)
+        gram = joined.T @ joined
+        taken = [
+            gram[0, both] @ np.linalg.pinv(gram[np.ix_(both, both)], 1e-9, hermitian=True) @ gram[both, 0]
+            for i, j in combinations(range(len(names)), 2)
+            if names[i] != names[j] and {names[i], names[j]} != set(true)
+            for both in [np.concatenate([groups[i], groups[j]])]
+        ]
+        return float(gram[0, 0] - max(taken))
 
     def beyond(self, gap: Array, but: str = "") -> float:
         """What the whole library, or all of it ``but`` one effect, leaves of a gap (m,)."""

@@ -14,7 +14,7 @@ from scipy.stats import beta
 STRONG, WEAK = 50.0, 16.0
 #: what the whole library leaves of a stranger, or of an effect that is taken from it, from which that must be missed
 CLEAR = 50.0
-#: what the best other effect leaves of one from which these tests can surely tell it from all others
+#: what the best other effect leaves of one (the best other pair of a pair) from which tests can surely tell it from all
 TOLD_APART = 40.0
 
 CASES = ("none", "effect", "kin", "unknown", "pair")
@@ -50,6 +50,11 @@ class Pairing:
         parts += list(self.result.get("group") or ())
         parts += [name for names in self.result.get("explanations") or () for name in names]
         return tuple(dict.fromkeys(parts))
+
+    @property
+    def best(self) -> tuple[str, ...]:
+        """Effects of its best explanation; none where it names none with conviction."""
+        return tuple(self.result["explanations"][0]) if self.named else ()
 
     @property
     def exact(self) -> bool:
@@ -140,10 +145,8 @@ def figures(
             "confidently_wrong": share(bool(p.named) for p in clear),
             "said_none": share(p.verdict == "none" for p in clear),
         },
-        "pairs": {
-            "both_named": share(set(p.true) <= set(p.named) for p in by_case["pair"]),
-            "precision": share(name in p.true for p in by_case["pair"] for name in p.named),
-        },
+        "pairs": _both(by_case["pair"]),
+        "pairs_told_apart": _both([p for p in by_case["pair"] if p.label["next_pair"] >= TOLD_APART]),
         "without_the_true_one": {
             "removable": sum(removable(p) for p in effects),
             "said_unknown": share(p.verdict == "unknown" for p in missed),
@@ -202,6 +205,14 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
         "in_set": share(set(p.true) <= set(p.named) for p in found),
         "said_none": share(p.verdict == "none" for p in found),
         "said_unknown": share(p.verdict == "unknown" for p in found),
+    }
+
+
+def _both(found: Sequence[Pairing]) -> dict[str, Any]:
+    return {
+        "both_named": share(set(p.true) <= set(p.named) for p in found),
+        "precision": share(name in p.true for p in found for name in p.named),
+        "both_first": share(set(p.true) == set(p.best) for p in found),
     }
 
 

@@ -15,6 +15,7 @@ def page(
 ) -> str:
     """All figures as Markdown, each beside what was asked for."""
     none, strong, unknown, pairs = found["none"], found["strong"], found["unknown"], found["pairs"]
+    apart = found["pairs_told_apart"]
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
         "# Withheld effects",
@@ -53,6 +54,10 @@ def page(
         f"| … said none | {_share(unknown['said_none'])} | |",
         f"| two at once: both named | {_share(pairs['both_named'])} | ≥ 85 % |",
         f"| … precision | {_share(pairs['precision'])} | ≥ 90 % |",
+        f"| … those two by the best explanation | {_share(pairs['both_first'])} | |",
+        f"| … told from all other pairs: both named | {_share(apart['both_named'])} | |",
+        f"| … … precision | {_share(apart['precision'])} | |",
+        f"| … … those two by the best explanation | {_share(apart['both_first'])} | |",
         f"| true effect removed from the candidates: said unknown | {_share(without['said_unknown'])} | |",
         f"| … confidently wrong | {_share(without['confidently_wrong'])} | |",
         f"| … of so many that could be removed | {without['removable']} | |",

@@ -235,6 +235,17 @@ def test_strangers_are_not_the_library_in_disguise(cause, place):
     assert place.beyond(gap) > 100
 
 
+def test_the_next_pair_leaves_what_the_true_one_does_not(place):
+    drawn = [usual(BY_NAME[name]) for name in ("sensor_lowpass", "drift")]
+    gap = sum(place.gaps([d.at(0.3)], dict.fromkeys(d.at(1.0), d.place))[:, 0] for d in drawn)
+    other = place.next_pair(gap, ["drift", "sensor_lowpass"])
+    # the directions were taken at this very size
+    assert place.next_pair(gap, []) < 1e-6 * other
+    assert other <= min(place.separation(gap).values())
+    best = min(place.left(gap, a, b) for a in place.directions["delay"] for b in place.directions["drift"])
+    assert other <= best * (1 + 1e-6)
+
+
 def test_shrinkage_is_nearly_whole_for_a_strong_effect(place):
     drawn = usual(BY_NAME["sensor_lowpass"])
     gap = place.gaps([drawn.at(1.0)], dict.fromkeys(drawn.at(1.0), drawn.place))

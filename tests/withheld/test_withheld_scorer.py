@@ -13,19 +13,21 @@ from tally import Pairing, confusion, figures, interval, upper_bound
 
 def said(verdict, *names, size=1.0, shrinkage=None, score=100.0, **more):
     effects = [{"name": n, "size": size, "size_low": 0.9 * size, "size_high": 1.1 * size} for n in names]
+    more = {"explanations": [names], **more}
     tested = [{"name": n, "statistic": score} for n in ("delay", "drift", "speed", "wheel_order")]
     return {"verdict": verdict, "effects": effects, "group": [], "shrinkage": shrinkage, "seconds": 3.0,
             "candidates": tested, **more}  # fmt: skip
 
 
-def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", others=500.0):
+def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", others=500.0, next_pair=500.0):
     causes = [
         {"name": n, "named": n, "size": size, "unit": "1", "knobs": {"x": size}, "strength_beside_others": strength,
          "strength": strength} for n in names
     ]  # fmt: skip
     separation = {**dict.fromkeys(names, 0.0), "other": others}
     return {"case": case, "cause": names[0] if len(names) == 1 else "", "noise": noise, "causes": causes,
-            "beyond_library": beyond, "beyond_others": others, "separation": separation}  # fmt: skip
+            "beyond_library": beyond, "beyond_others": others, "next_pair": next_pair,
+            "separation": separation}  # fmt: skip
 
 
 def pairs(*rows):
@@ -94,10 +96,14 @@ def test_two_at_once():
         (hidden("pair", "delay", "drift"), said("several", "drift", "delay")),
         (hidden("pair", "delay", "drift"), said("several", "delay", "speed")),
         (hidden("pair", "delay", "drift"), said("unknown", "delay")),
-    )
-    found = figures(rows)["pairs"]
-    assert found["both_named"]["hits"] == 1
-    assert (found["precision"]["hits"], found["precision"]["count"]) == (3, 4)
+        (hidden("pair", "delay", "drift", next_pair=20.0), said("several", "speed", "drift", explanations=[
+            ("speed", "drift"), ("delay", "drift")])),
+    )  # fmt: skip
+    found = figures(rows)
+    assert found["pairs"]["both_named"]["hits"] == 2
+    assert found["pairs"]["both_first"]["hits"] == 1
+    assert (found["pairs"]["precision"]["hits"], found["pairs"]["precision"]["count"]) == (5, 7)
+    assert found["pairs_told_apart"]["both_named"]["count"] == 3
 
 
 def test_shrinkage_and_size_of_what_was_named_exactly():

@@ -1,0 +1,34 @@
+"""The search for several effects: which sets are tried next."""
+
+from types import SimpleNamespace
+
+from mofit.diagnosis.several import _best_extensions
+
+
+def tried(criterion, *effects):
+    return SimpleNamespace(criterion=criterion, effects=effects, fitted=effects)
+
+
+def tested(**statistics):
+    return [SimpleNamespace(name=name, statistic=value) for name, value in statistics.items()]
+
+
+def extensions(level, screened, share=0.5):
+    found = _best_extensions(level, screened, share)
+    return {(*base, one.name): one.statistic for base, added in found for one in added}
+
+
+def test_sets_follow_by_the_criterion_that_they_promise():
+    level = [tried(100.0, "a"), tried(200.0, "b")]
+    screened = [tested(b=10.0, c=50.0), tested(a=180.0, c=130.0)]
+    # a + b is promised 20 from b, 90 from a; a + c 50, b + c 70
+    assert extensions(level, screened) == {("b", "a"): 180.0, ("a", "c"): 50.0}
+    assert extensions(level, screened, share=0.3) == {("b", "a"): 180.0, ("a", "c"): 50.0, ("b", "c"): 130.0}
+
+
+def test_what_betters_nothing_is_not_tried():
+    assert extensions([tried(100.0, "a"), tried(300.0, "b")], [tested(b=0.0), tested(a=150.0)]) == {}
+
+
+def test_six_sets_at_most():
+    assert len(extensions([tried(100.0, "a")], [tested(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
