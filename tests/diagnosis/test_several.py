@@ -9,7 +9,7 @@ def tried(criterion, *effects):
     return SimpleNamespace(criterion=criterion, effects=effects, fitted=effects)
 
 
-def tested(**statistics):
+def scores(**statistics):
     return [SimpleNamespace(name=name, statistic=value) for name, value in statistics.items()]
 
 
@@ -20,15 +20,15 @@ def extensions(level, screened, share=0.5):
 
 def test_sets_follow_by_the_criterion_that_they_promise():
     level = [tried(100.0, "a"), tried(200.0, "b")]
-    screened = [tested(b=10.0, c=50.0), tested(a=180.0, c=130.0)]
+    screened = [scores(b=10.0, c=50.0), scores(a=180.0, c=130.0)]
     # a + b is promised 20 from b, 90 from a; a + c 50, b + c 70
     assert extensions(level, screened) == {("b", "a"): 180.0, ("a", "c"): 50.0}
     assert extensions(level, screened, share=0.3) == {("b", "a"): 180.0, ("a", "c"): 50.0, ("b", "c"): 130.0}
 
 
 def test_what_betters_nothing_is_not_tried():
-    assert extensions([tried(100.0, "a"), tried(300.0, "b")], [tested(b=0.0), tested(a=150.0)]) == {}
+    assert extensions([tried(100.0, "a"), tried(300.0, "b")], [scores(b=0.0), scores(a=150.0)]) == {}
 
 
 def test_six_sets_at_most():
-    assert len(extensions([tried(100.0, "a")], [tested(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
+    assert len(extensions([tried(100.0, "a")], [scores(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
