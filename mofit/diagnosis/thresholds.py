@@ -47,7 +47,7 @@ class Thresholds:
         Most effects at once.
     """
 
-    gap: float = 2e-3
+    gap: float = 5e-3
     more: float = 3e-3
     left: float = 3e-4
     left_share: float = 0.02
