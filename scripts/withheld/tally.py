@@ -121,7 +121,7 @@ def figures(
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
     missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
-    again = {p.campaign: p for p in after_next}
+    again, first = ({p.campaign: p for p in found} for found in (after_next, pairings))
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
         "none": {
@@ -156,7 +156,8 @@ def figures(
         "size": _sizes([p for p in strong if p.exact]),
         "next_test": {
             "claimed": sum(claims(p) for p in pairings),
-            "resolved": share(p.exact for p in after_next),
+            "resolved": share(_resolved(first[p.campaign], p) for p in after_next),
+            "alone": share(p.exact for p in after_next),
         },
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
@@ -224,6 +225,11 @@ def removable(p: Pairing) -> bool:
 def claims(p: Pairing) -> bool:
     """Whether a diagnosis that explains the gap says that its next test would tell its explanations apart."""
     return p.verdict != "unknown" and bool((p.result.get("next_test") or {}).get("resolves"))
+
+
+def _resolved(before: Pairing, after: Pairing) -> bool:
+    """Whether of all that was named before the truth alone still is; what was not may have come in its place."""
+    return set(after.true) <= set(after.named) and not set(before.named) & set(after.named) - set(after.true)
 
 
 def _next_best(p: Pairing) -> float:

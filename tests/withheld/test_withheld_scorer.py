@@ -131,9 +131,13 @@ def test_sizes_of_two_parts_are_compared_part_by_part():
 
 
 def test_the_removed_effect_and_the_next_test():
-    rows = pairs((hidden("effect", "delay"), said("group", "delay", next_test={"resolves": True})))
+    alike = said("group", "delay", "speed", next_test={"resolves": True})
+    rows = pairs(*[(hidden("effect", "delay"), alike)] * 4)
     after = pairs(
-        (hidden("effect", "delay"), said("effect", "delay")), (hidden("effect", "delay"), said("group", "delay"))
+        (hidden("effect", "delay"), said("effect", "delay")),
+        (hidden("effect", "delay"), said("group", "delay", "drift")),
+        (hidden("effect", "delay"), said("group", "delay", "speed")),
+        (hidden("effect", "delay"), said("effect", "drift")),
     )
     without = pairs(
         (hidden("effect", "delay"), said("unknown")),
@@ -141,8 +145,9 @@ def test_the_removed_effect_and_the_next_test():
         (hidden("effect", "delay", others=20.0), said("effect", "other")),
     )
     found = figures(rows, after, without)
-    assert found["next_test"]["claimed"] == 1
-    assert found["next_test"]["resolved"]["share"] == 0.5
+    assert found["next_test"]["claimed"] == 4
+    assert found["next_test"]["resolved"]["hits"] == 2
+    assert found["next_test"]["alone"]["hits"] == 1
     assert found["without_the_true_one"]["said_unknown"]["count"] == 2
     assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
 
