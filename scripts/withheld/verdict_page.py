@@ -26,8 +26,8 @@ def page(
         "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
         "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
         "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
-        "that all others together cannot stand in for, as the effects outside the library. A next test resolves a group",
-        "where, of the effects named before it, the true one alone is still named.",
+        "that all others together cannot stand in for, as the effects outside the library. A next test resolves its",
+        "group where, of the effects named before it, the true one alone is still named.",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
