@@ -119,8 +119,9 @@ def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
     level = [explanation for explanation in state.found if len(explanation.effects) == count][:_MOST]
     if not level:
         return state
-    screened = [screen(explanation.fitted, state.candidates) for explanation in level]
+    screened = [screen(level[0].fitted, state.candidates)]
     if min([remaining(level[0].fitted).p, *(one.p_holm for one in screened[0])]) < state.thresholds.more:
+        screened += [screen(explanation.fitted, state.candidates) for explanation in level[1:]]
         for base, added in _best_extensions(level, screened, state.thresholds.next_promising):
             state = state.extended(base, added, progress)
     best = state.best.effects

@@ -69,37 +69,34 @@ class Ground:
 
     def separation(self, gap: Array) -> dict[str, float]:
         """What each library effect, at its best shape, leaves of a gap (m,)."""
-        basis = _basis(self.jacobian)
-        rest = gap - basis @ (basis.T @ gap)
-        found = {}
-        for name, grid in self.directions.items():
-            left = []
-            for columns in grid:
-                own = _basis(columns - basis @ (basis.T @ columns))
-                left.append(float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
-            found[name] = min(left)
+        rest, groups = self._beside_parameters(gap)
+        found: dict[str, float] = {}
+        for name, columns in groups:
+            own = _basis(columns)
+            found[name] = min(found.get(name, np.inf), float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
         return found
 
     def next_pair(self, gap: Array, true: Collection[str]) -> float:
         """What the best pair of library effects but the ``true`` one, each at its best shape, leaves of a gap (m,)."""
-        basis = _basis(self.jacobian)
-        rest = gap - basis @ (basis.T @ gap)
-        names, groups, columns = [], [], [rest[:, None]]
-        for name, grid in self.directions.items():
-            for group in grid:
-                own = group - basis @ (basis.T @ group)
-                names.append(name)
-                groups.append(np.arange(own.shape[1]) + sum(c.shape[1] for c in columns))
-                columns.append(own / np.linalg.norm(own, axis=0).clip(1e-300))
-        joined = np.concatenate(columns, axis=1)
+        rest, groups = self._beside_parameters(gap)
+        units = [columns / np.linalg.norm(columns, axis=0).clip(1e-300) for _, columns in groups]
+        joined = np.concatenate([rest[:, None], *units], axis=1)
         gram = joined.T @ joined
+        ends = 1 + np.cumsum([columns.shape[1] for columns in units])
+        places = [np.arange(end - columns.shape[1], end) for end, columns in zip(ends, units, strict=True)]
         taken = [
             gram[0, both] @ np.linalg.pinv(gram[np.ix_(both, both)], 1e-9, hermitian=True) @ gram[both, 0]
-            for i, j in combinations(range(len(names)), 2)
-            if names[i] != names[j] and {names[i], names[j]} != set(true)
-            for both in [np.concatenate([groups[i], groups[j]])]
+            for (i, (one, _)), (j, (other, _)) in combinations(enumerate(groups), 2)
+            if one != other and {one, other} != set(true)
+            for both in [np.concatenate([places[i], places[j]])]
         ]
         return float(gram[0, 0] - max(taken))
+
+    def _beside_parameters(self, gap: Array) -> tuple[Array, list[tuple[str, Array]]]:
+        """A gap (m,), and the directions (m, q) of every effect at every shape, less what the parameters take up."""
+        basis = _basis(self.jacobian)
+        groups = [(name, columns) for name, grid in self.directions.items() for columns in grid]
+        return gap - basis @ (basis.T @ gap), [(name, c - basis @ (basis.T @ c)) for name, c in groups]
 
     def beyond(self, gap: Array, but: str = "") -> float:
         """What the whole library, or all of it ``but`` one effect, leaves of a gap (m,)."""

@@ -156,8 +156,8 @@ def figures(
         "size": _sizes([p for p in strong if p.exact]),
         "next_test": {
             "claimed": sum(claims(p) for p in pairings),
-            "resolved": share(_resolved(first[p.campaign], p) for p in after_next),
-            "alone": share(p.exact for p in after_next),
+            "resolved": share(p.exact for p in after_next),
+            "parted": share(_parted(first[p.campaign], p) for p in after_next),
         },
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
@@ -227,8 +227,8 @@ def claims(p: Pairing) -> bool:
     return p.verdict != "unknown" and bool((p.result.get("next_test") or {}).get("resolves"))
 
 
-def _resolved(before: Pairing, after: Pairing) -> bool:
-    """Whether of all that was named before the truth alone still is; what was not may have come in its place."""
+def _parted(before: Pairing, after: Pairing) -> bool:
+    """Whether of all that was named before the truth alone still is; what was not may be named beside it."""
     return set(after.true) <= set(after.named) and not set(before.named) & set(after.named) - set(after.true)
 
 

@@ -27,7 +27,7 @@ def page(
         "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
         "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
         "that all others together cannot stand in for, as the effects outside the library. A next test resolves its",
-        "group where, of the effects named before it, the true one alone is still named.",
+        "group where the truth and nothing else is named then.",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
@@ -68,7 +68,7 @@ def page(
         f"| effect size off by, median / 90 % | {_pair(size['error'])} | ≤ 5 % median |",
         f"| … 90 % intervals cover | {_share(size['covered'])} | |",
         f"| advised next test resolves its group | {_share(found['next_test']['resolved'])} | ≥ 95 % |",
-        f"| … and the truth is named alone then | {_share(found['next_test']['alone'])} | |",
+        f"| … parts it: others than before may be named beside the truth | {_share(found['next_test']['parted'])} | |",
         f"| seconds of processor time per diagnosis, median / 90 % | {_pair(found['seconds'])} | ≤ 30 |",
         "",
         "## By effect (strong)",

@@ -146,8 +146,8 @@ def test_the_removed_effect_and_the_next_test():
     )
     found = figures(rows, after, without)
     assert found["next_test"]["claimed"] == 4
-    assert found["next_test"]["resolved"]["hits"] == 2
-    assert found["next_test"]["alone"]["hits"] == 1
+    assert found["next_test"]["resolved"]["hits"] == 1
+    assert found["next_test"]["parted"]["hits"] == 2
     assert found["without_the_true_one"]["said_unknown"]["count"] == 2
     assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
 
