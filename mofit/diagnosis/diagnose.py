@@ -17,6 +17,7 @@ from mofit.diagnosis.estimate import counting_remainder, scaled, share_left
 from mofit.diagnosis.locate import Where, locate
 from mofit.diagnosis.next_test import NextTest, next_test
 from mofit.diagnosis.observed import Observed, with_discrepancy
+from mofit.diagnosis.refit import Explanation
 from mofit.diagnosis.remaining import remaining
 from mofit.diagnosis.several import Attribution, attribute
 from mofit.diagnosis.shrink import Shrinkage, shrink
@@ -148,7 +149,7 @@ def diagnose(
         shrinkage=shrinkage,
         shrinkage_reason=reason,
         # explanations that do not explain need no parting
-        next_test=None if conclusion.verdict == "unknown" else next_test(observed, case.conclusion.alike),
+        next_test=None if conclusion.verdict == "unknown" else next_test(observed, case.doubtful),
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
@@ -173,6 +174,22 @@ class _Case:
         """Largest gap of a test relative to its output's peak."""
         where = self.before
         return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
+
+    @property
+    def doubtful(self) -> tuple[Explanation, ...]:
+        """Explanations for a next test to part: where some are alike, those, and others that are not ruled out.
+
+        One that has all the effects of one alike, and more, cannot be parted from it.
+        """
+        alike, best = self.conclusion.alike, self.found.best.criterion
+        if len(alike) < 2:
+            return alike
+        others = [
+            one
+            for one in self.found.explanations
+            if one.effects and self.thresholds.alike <= one.criterion - best < self.thresholds.possible
+        ]
+        return (*alike, *(one for one in others if not any({*few.effects} < {*one.effects} for few in alike)))
 
     def singly(self, thresholds: Thresholds) -> _Case:
         """The same with explanations of one effect alone."""

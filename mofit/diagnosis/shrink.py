@@ -51,7 +51,7 @@ class Shrinkage:
     .. math:: \eta = 1 - \frac{\sum_t g_{t, \mathrm{with}}^2}{\sum_t g_{t, \mathrm{without}}^2}
 
     with :math:`g_t^2` the mean square of the prediction's error on test t relative to the output's range, beyond the
-    noise.
+    noise; every sample counts alike, however noisy.
 
     Parameters
     ----------
@@ -82,19 +82,17 @@ def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Sh
     rows = len(observed.measured)
     folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
     without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
-    weight = np.where(observed.repeating, observed.variance * _scale(observed) ** 2, 0.0)
-    noise = weight * observed.genuine
     loud = {clue.name for clue in found.left.clues if clue.p < _LOUD}
-    direct = np.where(observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"})), weight, 0.0)
-    base = float(direct @ (without**2 - observed.genuine))
-    measured = 1 - float(direct @ (with_**2 - observed.genuine)) / base if base > 0 else 0.0
-    full = best.fitted.residual[:rows]
-    rest = full * np.sqrt(max(1 - noise.sum() / float(weight @ full**2), 0.0)) if found.best_left.p < _LOUD else 0.0
-    low, confirmed, high = _interval(best.fitted, with_ - full + rest, without - with_, weight, seed)
+    direct = observed.repeating & observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"}))
+    before, after = _squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
+    measured = 1 - after / before if before > 0 else 0.0
+    full, remainder = best.fitted.residual[:rows], found.best_left.p < _LOUD
+    rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
+    low, confirmed, high = _interval(best.fitted, with_ - full + rest, without - with_, seed)
     chosen = [next(c for c in candidates if c.name == name) for name in best.effects]
     places = [next(one.best for one in found.screened if one.name == name) for name in best.effects]
     added = [c.slopes[i] for c, i in zip(chosen, places, strict=True)]
-    predicted = _predicted(found.baseline, added, weight, found.best_left.p < _LOUD)
+    predicted = _predicted(found.baseline, added, remainder)
     return Shrinkage(predicted, confirmed, low, high, min(measured, 1.0), tuple(_predictions(observed, *folds)))
 
 
@@ -127,13 +125,38 @@ def _held_out_rows(observed: Observed, model: Hypothesis, points: Array) -> Arra
     return np.asarray(residual[observed.test, np.arange(len(observed.measured))])
 
 
-def _scale(observed: Observed) -> Array:
-    """One over the range of the output of every row, (m,)."""
+def _outputs(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> list[Array]:
+    """Columns of white rows (m, k) as signals (n, k) per part, those rows that are kept.
+
+    Relative to the range of the output and the root of n: sums of squares are relative mean squares.
+    """
+    found = []
+    for i, (test, output, w) in enumerate(observed.parts):
+        here = observed.part == i
+        columns = np.where(kept[here, None], rows[here], 0.0).T
+        values = observed.problem.drives[test].measured[w.start : w.start + w.count, output]
+        found.append(np.stack([w.signal(column) for column in columns], axis=1) / (np.ptp(values) * np.sqrt(w.count)))
+    return found
+
+
+def _squares(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> Array:
+    """Relative mean square of columns of white rows (m, k), summed over all parts, (k,)."""
+    return np.sum([np.sum(signals**2, axis=0) for signals in _outputs(observed, rows, kept)], axis=0)
+
+
+def _noise(observed: Observed, kept: NDArray[np.bool_]) -> Array:
+    """Relative mean square of the noise of every row that is kept, (m,)."""
     ranges = [np.ptp(observed.problem.drives[t].measured[w.start : w.start + w.count, o]) for t, o, w in observed.parts]
-    return np.asarray(1 / np.array(ranges)[observed.part])
+    return np.asarray(kept * observed.genuine * observed.variance / np.array(ranges)[observed.part] ** 2)
 
 
-def _interval(fitted: Fitted, error: Array, gain: Array, weight: Array, seed: int) -> list[float]:
+def _beyond_noise(observed: Observed, residual: Array) -> float:
+    """Share of the squares of a residual (m,) that is no noise."""
+    square = float(_squares(observed, residual[:, None], observed.repeating)[0])
+    return max(1 - float(_noise(observed, observed.repeating).sum()) / square, 0.0)
+
+
+def _interval(fitted: Fitted, error: Array, gain: Array, seed: int) -> list[float]:
     """5 %, 50 % and 95 % of the share over what the parameters may truly be.
 
     Parameters
@@ -144,21 +167,23 @@ def _interval(fitted: Fitted, error: Array, gain: Array, weight: Array, seed: in
         What it says of each test beyond the prediction made without that test, (m,).
     gain
         By how much the effect moved that prediction, (m,).
-    weight
-        Of every row's square, (m,).
     """
-    free = fitted.free
+    observed, free = fitted.hypothesis.observed, fitted.free
     jacobian = -fitted.jacobian[:, free]
     normal = jacobian.T @ jacobian + np.eye(int(free.sum()))
     root = np.linalg.cholesky(np.linalg.inv(normal))
-    draws = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
-    used = weight > 0
-    left = error[used] + draws @ jacobian[: len(weight)][used].T
-    shares = 1 - (left**2 @ weight[used]) / ((left + gain[used]) ** 2 @ weight[used])
-    return [float(value) for value in np.quantile(shares, (0.05, 0.5, 0.95))]
+    moved = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
+    columns = np.column_stack([error, gain, jacobian[: len(error)]])
+    products = np.sum([signals.T @ signals for signals in _outputs(observed, columns, observed.repeating)], axis=0)
+    one, none = np.ones((_DRAWS, 1)), np.zeros((_DRAWS, 1))
+    after, before = (
+        np.einsum("di,ij,dj->d", mixed, products, mixed)
+        for mixed in (np.hstack([one, none, moved]), np.hstack([one, one, moved]))
+    )
+    return [float(value) for value in np.quantile(1 - after / before, (0.05, 0.5, 0.95))]
 
 
-def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array, remainder: bool) -> float:
+def _predicted(baseline: Fitted, added: Sequence[Array], remainder: bool) -> float:
     """The share that the linearised models remove on each test when fitted to the others.
 
     What they leave counts only if the explanation is known to leave a ``remainder``: a strong effect bends its own
@@ -168,19 +193,22 @@ def _predicted(baseline: Fitted, added: Sequence[Array], weight: Array, remainde
     rows = len(observed.measured)
     model = -baseline.jacobian[:, free]
     both = np.concatenate([model, *added], axis=1)
-    gap, uncertain, rest = 0.0, 0.0, np.zeros(rows)
+    signals = _outputs(observed, np.column_stack([baseline.residual[:rows], both[:rows]]), observed.repeating)
+    gap, uncertain, left = 0.0, 0.0, 0.0
     for t in range(len(observed.problem.tests)):
-        held = np.zeros(len(model), dtype=bool)
-        held[:rows] = observed.test == t
-        (alone, _), (shift, spread) = (_solved(columns[~held], baseline.residual[~held]) for columns in (model, both))
-        effect = both[held] @ shift - model[held] @ alone
-        rest[held[:rows]] = baseline.residual[held] - both[held] @ shift
-        here = weight[held[:rows]]
-        gap += float(here @ effect**2)
-        uncertain += float(here @ np.einsum("ri,ij,rj->r", both[held], spread, both[held]))
+        fitted_to = np.ones(len(model), dtype=bool)
+        fitted_to[:rows] = observed.test != t
+        residual = baseline.residual[fitted_to]
+        (alone, _), (shift, spread) = (_solved(columns[fitted_to], residual) for columns in (model, both))
+        for (test, _, _), here in zip(observed.parts, signals, strict=True):
+            if test == t:
+                columns = here[:, 1:]
+                gap += float(np.sum((columns @ shift - columns[:, : len(alone)] @ alone) ** 2))
+                uncertain += float(np.sum(spread * (columns.T @ columns)))
+                left += float(np.sum((here[:, 0] - columns @ shift) ** 2))
     # what is left beyond noise and uncertainty, if that is no chance
-    noise = weight * observed.genuine
-    left = float(weight @ rest**2 - noise.sum()) - uncertain
+    noise = _noise(observed, observed.repeating)
+    left -= float(noise.sum()) + uncertain
     uncertain += left if remainder and left > _CLEAR * float(np.sqrt(2 * noise @ noise)) else 0.0
     return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
 

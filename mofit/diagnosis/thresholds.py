@@ -35,6 +35,9 @@ class Thresholds:
         any other leaving this many times as much.
     alike
         Difference of the information criterion below which explanations count as alike: ten times less probable.
+    possible
+        The same below which one is not ruled out: a hundred times less probable. A next test must part these as well,
+        or they come back with it.
     promising, hopeless
         Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
     next_promising
@@ -58,6 +61,7 @@ class Thresholds:
     coarse_share: float = 0.4
     coarse_lead: float = 2.0
     alike: float = 4.6
+    possible: float = 9.2
     promising: float = 0.1
     hopeless: float = 0.01
     next_promising: float = 0.5
