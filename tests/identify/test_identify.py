@@ -3,11 +3,9 @@
 import csv
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -135,19 +133,28 @@ def test_other_seed_other_draws(rig, tree):
     assert other.mean().item() == pytest.approx(tree["clusters/c1/posterior/k"].mean().item(), abs=1e-3)
 
 
+#: mofit's command that sends itself a signal once chains are on disk
+STOPPED = """
+import os, runpy, sys
+from mofit.sample.storage import Store
+save, how = Store.save, int(sys.argv.pop(1))
+def save_and_stop(*arguments):
+    save(*arguments)
+    os.kill(os.getpid(), how)
+Store.save = save_and_stop
+runpy.run_module("mofit", run_name="__main__")
+"""
+
+
 def interrupted(rig, out, how):
-    """The rig's run, ended by a signal as soon as chains are on disk; its exit code, errors, and the command."""
+    """The rig's run, ended by a signal as soon as chains are on disk; its exit code, errors, and the command's end."""
     file, model = rig
-    chains = out.with_name(f"{out.name}.partial") / "chains.h5"
-    command = [sys.executable, "-m", "mofit", "identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120
-    while not chains.exists() and not out.exists() and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    os.kill(process.pid, how)
-    _, errors = process.communicate()
-    assert chains.exists(), "the run ended before it could be stopped"
-    return process.returncode, errors, command
+    options = ["identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
+    done = subprocess.run(
+        [sys.executable, "-c", STOPPED, str(int(how)), *options], capture_output=True, text=True, check=False
+    )
+    assert (out.with_name(f"{out.name}.partial") / "chains.h5").exists()
+    return done.returncode, done.stderr, [sys.executable, "-m", "mofit", *options]
 
 
 @pytest.mark.parametrize(("how", "code", "words"), [(signal.SIGKILL, -9, ""), (signal.SIGINT, 130, "--resume")])
