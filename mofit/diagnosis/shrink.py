@@ -84,7 +84,7 @@ def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Sh
     without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
     loud = {clue.name for clue in found.left.clues if clue.p < _LOUD}
     direct = observed.repeating & observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"}))
-    before, after = _squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
+    before, after = mean_squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
     measured = 1 - after / before if before > 0 else 0.0
     full, remainder = best.fitted.residual[:rows], found.best_left.p < _LOUD
     rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
@@ -139,7 +139,7 @@ def _outputs(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> list[A
     return found
 
 
-def _squares(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> Array:
+def mean_squares(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> Array:
     """Relative mean square of columns of white rows (m, k), summed over all parts, (k,)."""
     return np.sum([np.sum(signals**2, axis=0) for signals in _outputs(observed, rows, kept)], axis=0)
 
@@ -152,7 +152,7 @@ def _noise(observed: Observed, kept: NDArray[np.bool_]) -> Array:
 
 def _beyond_noise(observed: Observed, residual: Array) -> float:
     """Share of the squares of a residual (m,) that is no noise."""
-    square = float(_squares(observed, residual[:, None], observed.repeating)[0])
+    square = float(mean_squares(observed, residual[:, None], observed.repeating)[0])
     return max(1 - float(_noise(observed, observed.repeating).sum()) / square, 0.0)
 
 

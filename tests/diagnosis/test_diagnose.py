@@ -89,6 +89,17 @@ def test_alike_effects_are_a_group_with_a_next_test() -> None:
     assert found.next_test.frequency >= 4.0
 
 
+def test_the_next_test_has_to_part_what_is_not_ruled_out_as_well() -> None:
+    """Beside a lag and the delay it resembles, a second branch is thirty times less probable."""
+    lag = (("sensor_lowpass", (("T_f", 0.0006),)),)
+    found = damper_diagnosis(lag, ("delay", "sensor_lowpass", "second_branch", "dry_friction"))
+    assert set(found.conclusion.group) == {"delay", "sensor_lowpass"}
+    assert found.next_test is not None
+    assert not found.next_test.resolves
+    assert "second_branch" in found.next_test.sentence
+    assert "dry_friction" not in found.next_test.sentence
+
+
 def test_summary_is_plain_data_with_the_promised_keys() -> None:
     told = summary(damper_diagnosis(FRICTION))
     assert set(told) >= KEYS
