@@ -84,7 +84,8 @@ def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
     assert not (tmp_path / "other.nc").exists()
 
 
-def test_a_softening_carcass_holds_to_the_end_of_the_longest_test(tmp_path):
+@pytest.mark.parametrize(("seed", "effect", "number"), [(1, "cubic_stiffness", 5), (3, "carcass_stiffness", 18)])
+def test_a_softening_carcass_holds_to_the_end_of_the_longest_test(seed, effect, number, tmp_path):
     # at the size first drawn it gives way after 4 s of a step test, past what strengths are judged by
-    path = made(tmp_path, Slot(1, "effect", "cubic_stiffness", 5))
+    path = made(tmp_path, Slot(seed, "effect", effect, number))
     assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
