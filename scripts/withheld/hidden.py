@@ -20,7 +20,7 @@ RANGE, MULTIPLES = (8.0, 2000.0), (0.3, 2.0)
 #: of what is left beside the whole library (strangers), or beside the other cause (pairs)
 CLEAR = (100.0, 3000.0)
 FAIR_PAIR, TRIES = 50.0, 25
-#: springs that may soften, knobs of the carcass: it can give way late in a test; then the size is taken back by this factor
+#: knobs that may soften the carcass: it can give way late in a test; then the size is taken back by this factor
 SOFTENING, LESS = {"k_c", "k_a", "e_y"}, 0.8
 
 
