@@ -97,15 +97,15 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     return chosen, left_out
 
 
-def prepare(fitted: Fitted, effect: Effect) -> Candidate:
+def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Candidate:
     """Simulate what an effect adds to the fitted model, for every point of its grid.
 
-    Other effects of the fitted model are not part of the simulation: they are small, and the direction of a score test
-    need not be exact for its level to be.
+    Other effects of the fitted model, but those ``beside``, are not part of the simulation: they are small, and the
+    direction of a score test need not be exact for its level to be.
     """
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
     system, simulator = observed.workshop.simulator(
-        with_effects(observed.problem.model, effect), drives_of(observed, [effect]), effect.size, 1
+        with_effects(observed.problem.model, *beside, effect), drives_of(observed, [*beside, effect]), effect.size, 1
     )
     here = dict(zip(model.system.parameters, model.full(fitted.minimum.point[None])[0], strict=True))
     sets = [{**here, **effect.neutral, **point} for point in effect.grid_points]
@@ -128,3 +128,18 @@ def prepare(fitted: Fitted, effect: Effect) -> Candidate:
     root = observed.prior_root[1]
     rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]
     return Candidate(tuple(found), np.stack(rows), simulator.steps or 1)
+
+
+def moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:
+    """Effects of the fitted model that move conditions of the tests which are needed."""
+    conditions = {condition.name for condition in fitted.hypothesis.observed.problem.model.conditions}
+    return [effect for effect in fitted.hypothesis.effects if conditions & {*effect.on} & {*needs}]
+
+
+def as_seen_by(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, prepared anew where they need a condition of the tests that an effect of the fitted model moves.
+
+    At another speed a wheel turns with another frequency: after some turns nothing is left of the first direction.
+    """
+    beside = [moving(fitted, one.effect.needs) for one in candidates]
+    return [prepare(fitted, c.effect, by) if by else c for c, by in zip(candidates, beside, strict=True)]

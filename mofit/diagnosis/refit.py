@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln
 
 from mofit.diagnosis.baseline import Fitted, fit
+from mofit.diagnosis.candidates import moving
 from mofit.diagnosis.cause import recalibrated
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.screen import Screened
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 
 #: Grid points of an effect that a refit starts from, each twice; with the typical size no more starts than lanes.
 _POINTS = 3
+#: Starts along an effect that moves a condition of the tests, in standard deviations of its size.
+_ALONG = np.linspace(-3, 3, 13)
 #: Times that the stages are looked at anew, and the change of the log posterior at which that ends.
 _ROUNDS, _STANDS = 10, 0.1
 
@@ -58,11 +61,15 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
 
     Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
     the fitted parameters with the typical size. None if no start can be simulated.
+
+    Where what is added turns with a condition that a fitted effect moves, there are many minima side by side: then
+    starts along that effect are added.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
     starts = [_start(new, here, {})]
     starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
+    starts += [start for found in added for start in _along(new, fitted, found)]
     try:
         return _settled(fit(new.with_steps(_steps(old, added)), np.array(starts))).put_away()
     except InputError:
@@ -115,6 +122,17 @@ def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int
     if fresh:
         yield _start(new, here, values)
         yield _start(new, np.clip(here + shift, 0.0, 1.0), values)
+
+
+def _along(new: Hypothesis, fitted: Fitted, added: Screened) -> Iterator[Array]:
+    """The fitted parameters, one that moves a condition which the added effect needs varied, without the added one."""
+    here, sd = _start(new, fitted.minimum.point, added.effect.neutral), fitted.sd()
+    for name in [name for effect in moving(fitted, added.effect.needs) for name in effect.size]:
+        column = new.space.index(name)
+        for step in _ALONG:
+            start = here.copy()
+            start[column] = np.clip(start[column] + step * sd[column], 0.0, 1.0)
+            yield start
 
 
 def _start(new: Hypothesis, base: Array, values: Mapping[str, float]) -> Array:

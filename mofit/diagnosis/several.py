@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.candidates import Candidate, as_seen_by
 from mofit.diagnosis.refit import Explanation, explain, refit
 from mofit.diagnosis.remaining import Remaining, remaining
 from mofit.diagnosis.screen import Screened, screen
@@ -63,6 +63,9 @@ class _Search:
     def tried(self, effects: Iterable[str]) -> bool:
         return tuple(sorted(effects)) in {explanation.effects for explanation in self.found}
 
+    def screened_at(self, base: Fitted) -> list[Screened]:
+        return screen(base, as_seen_by(base, self.candidates))
+
     def extended(self, base: Fitted, added: Iterable[Screened], progress: Progress) -> _Search:
         """With refits of ``base`` plus each of the added effects."""
         present = [effect.name for effect in base.hypothesis.effects]
@@ -89,7 +92,7 @@ class _Search:
         *first, last = effects
         state = self.reached(first, progress)
         bases = [explanation.fitted for explanation in state.found if explanation.effects == tuple(sorted(first))]
-        added = [one for base in bases for one in screen(base, state.candidates) if one.name == last]
+        added = [one for base in bases for one in state.screened_at(base) if one.name == last]
         return state.extended(bases[0], added, progress) if bases else state
 
 
@@ -119,9 +122,9 @@ def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
     level = [explanation for explanation in state.found if len(explanation.effects) == count][:_MOST]
     if not level:
         return state
-    screened = [screen(level[0].fitted, state.candidates)]
+    screened = [state.screened_at(level[0].fitted)]
     if min([remaining(level[0].fitted).p, *(one.p_holm for one in screened[0])]) < state.thresholds.more:
-        screened += [screen(explanation.fitted, state.candidates) for explanation in level[1:]]
+        screened += [state.screened_at(explanation.fitted) for explanation in level[1:]]
         for base, added in _best_extensions(level, screened, state.thresholds.next_promising):
             state = state.extended(base, added, progress)
     best = state.best.effects
