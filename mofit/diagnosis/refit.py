@@ -60,7 +60,8 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     """The hypothesis with these effects added, fitted from where the screen expects the minimum and from elsewhere.
 
     Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
-    the fitted parameters with the typical size. None if no start can be simulated.
+    the fitted parameters with the typical size. None if no start can be simulated, or if what was found runs away when
+    it is integrated more finely.
 
     Where what is added turns with a condition that a fitted effect moves, there are many minima side by side: then
     starts along that effect are added.
@@ -71,9 +72,17 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
     starts += [start for found in added for start in _along(new, fitted, found)]
     try:
-        return _settled(fit(new.with_steps(_steps(old, added)), np.array(starts))).put_away()
+        found = _settled(fit(new.with_steps(_steps(old, added)), np.array(starts)))
     except InputError:
         return None
+    return found.put_away() if _holds(found) else None
+
+
+def _holds(found: Fitted) -> bool:
+    """Whether the minimum can be simulated with half the step: a softened spring may hold by rounding alone."""
+    model = found.hypothesis
+    finer = model.with_steps(2 * (model.simulator.steps or 1))
+    return bool(np.isfinite(finer.evaluate(found.minimum.point[None])[0]).all())
 
 
 def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
