@@ -135,8 +135,9 @@ def test_other_seed_other_draws(rig, tree):
 
 #: mofit's command that sends itself a signal once chains are on disk
 STOPPED = """
-import os, runpy, sys
+import os, runpy, signal, sys
 from mofit.sample.storage import Store
+signal.signal(signal.SIGINT, signal.default_int_handler)  # what a shell starts in the background ignores it
 save, how = Store.save, int(sys.argv.pop(1))
 def save_and_stop(*arguments):
     save(*arguments)

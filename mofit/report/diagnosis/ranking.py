@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from mofit.diagnosis.thresholds import Thresholds
 from mofit.report.display import badge, compact, number, percent, symbol, with_sd
 from mofit.report.page import Block, Figure, Section, Table, Text
 from mofit.report.style import BASELINE, cluster_colour, image_of, panels
@@ -71,11 +70,12 @@ def _tried(data: Mapping[str, Any]) -> Table:
         ]
         for one in data["tried"][:_SHOWN]
     ]
+    alike = len(data["explanations"])
     return Table(
         ["Explanation", "Criterion above the best", "Probability"],
         rows,
-        "Explanations that were fitted in full, by information criterion. "
-        f"Below a difference of {Thresholds().alike:g} they count as alike.",
+        "Explanations that were fitted in full, by information criterion."
+        + (f" The first {alike} count as alike." if alike > 1 else ""),
     )
 
 
