@@ -83,6 +83,12 @@ class Observed:
         """Mean square of the noise that every row stands for, in the output's unit²; (m,)."""
         return np.concatenate([w.process.spectrum[w.line_of_row] / w.count for _, _, w in self.parts])
 
+    @cached_property
+    def ranges(self) -> Array:
+        """Peak to peak of the measured samples used of every part, in the output's unit; (parts,)."""
+        drives = self.problem.drives
+        return np.array([np.ptp(drives[t].measured[w.start : w.start + w.count, o]) for t, o, w in self.parts])
+
     def of(self, *classes: str) -> NDArray[np.bool_]:
         """Which rows are of these classes, shape (m,)."""
         return np.isin(self.kind, [CLASSES.index(name) for name in classes])
@@ -108,7 +114,7 @@ def with_discrepancy(observed: Observed, relative: float, *, everywhere: bool = 
     for i, (test, output, w) in enumerate(observed.parts):
         drive, here = observed.problem.drives[test], observed.part == i
         values = drive.measured[:, output]
-        size = relative * float(np.ptp(values[w.start : w.start + w.count]))
+        size = relative * float(observed.ranges[i])
         likely = np.zeros(len(w.frequencies), dtype=bool)
         likely[observed.line[here & observed.of(*classes)]] = True
         more = np.full(len(likely), True) if everywhere else w.harmonic

@@ -131,11 +131,11 @@ def _outputs(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> list[A
     Relative to the range of the output and the root of n: sums of squares are relative mean squares.
     """
     found = []
-    for i, (test, output, w) in enumerate(observed.parts):
+    for i, (_, _, w) in enumerate(observed.parts):
         here = observed.part == i
         columns = np.where(kept[here, None], rows[here], 0.0).T
-        values = observed.problem.drives[test].measured[w.start : w.start + w.count, output]
-        found.append(np.stack([w.signal(column) for column in columns], axis=1) / (np.ptp(values) * np.sqrt(w.count)))
+        signals = np.stack([w.signal(column) for column in columns], axis=1)
+        found.append(signals / (observed.ranges[i] * np.sqrt(w.count)))
     return found
 
 
@@ -146,8 +146,7 @@ def mean_squares(observed: Observed, rows: Array, kept: NDArray[np.bool_]) -> Ar
 
 def _noise(observed: Observed, kept: NDArray[np.bool_]) -> Array:
     """Relative mean square of the noise of every row that is kept, (m,)."""
-    ranges = [np.ptp(observed.problem.drives[t].measured[w.start : w.start + w.count, o]) for t, o, w in observed.parts]
-    return np.asarray(kept * observed.genuine * observed.variance / np.array(ranges)[observed.part] ** 2)
+    return np.asarray(kept * observed.genuine * observed.variance / observed.ranges[observed.part] ** 2)
 
 
 def _beyond_noise(observed: Observed, residual: Array) -> float:

@@ -36,8 +36,8 @@ class Thresholds:
     alike
         Difference of the information criterion below which explanations count as alike: ten times less probable.
     possible
-        The same below which one is not ruled out: a hundred times less probable. A next test must part these as well,
-        or they come back with it.
+        The same below which one is not ruled out yet: above, it is a hundred times less probable. A next test must
+        part these as well, or they come back with it.
     promising, hopeless
         Share of the largest T from which a candidate is refitted; and from which where no better one explains the gap.
     next_promising

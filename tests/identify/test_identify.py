@@ -148,7 +148,7 @@ runpy.run_module("mofit", run_name="__main__")
 
 
 def interrupted(rig, out, how):
-    """The rig's run, ended by a signal as soon as chains are on disk; its exit code, errors, and the command's end."""
+    """The rig's run, ended by a signal as soon as chains are on disk; its exit code, errors, and the plain command."""
     file, model = rig
     options = ["identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
     done = subprocess.run(
