@@ -181,14 +181,11 @@ class _Case:
 
         One that has all the effects of one alike, and more, cannot be parted from it.
         """
-        alike, best = self.conclusion.alike, self.found.best.criterion
+        alike, limit = self.conclusion.alike, self.found.best.criterion + self.thresholds.possible
         if len(alike) < 2:
             return alike
-        others = [
-            one
-            for one in self.found.explanations
-            if one.effects and self.thresholds.alike <= one.criterion - best < self.thresholds.possible
-        ]
+        known = {one.effects for one in alike} | {()}
+        others = [one for one in self.found.explanations if one.effects not in known and one.criterion < limit]
         return (*alike, *(one for one in others if not any({*few.effects} < {*one.effects} for few in alike)))
 
     def singly(self, thresholds: Thresholds) -> _Case:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.lines import CLASSES
+from mofit.diagnosis.lines import CLASSES, HARMONICS
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.projection import Projection, project
 
 Array = NDArray[np.float64]
 
-#: Harmonics whose change from test to test is looked at as a smooth one.
+#: Harmonics whose change from test to test is looked at one by one as a smooth one.
 _SMOOTH_HARMONICS = 5
 #: Degree of the polynomial in log frequency that such a change follows.
 _DEGREE = 2
@@ -104,7 +104,8 @@ def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
 
     On harmonic h, relative to the phase of the excitation, the gap of test t is taken as
     :math:`\sum_j c_j (\log f_t)^j` with complex coefficients: any effect of the class adds to it, and few coefficients
-    see what a sum over all lines would drown.
+    see what a sum over all lines would drown. Low harmonics are looked at one by one; all together, with straight lines
+    in log f, see a gap that is spread over many.
     """
     places = [i for i, (_, _, w) in enumerate(observed.parts) if w.periods]
     frequency = np.array([1 / observed.parts[i][2].period for i in places])
@@ -112,29 +113,36 @@ def smooth_clues(projection: Projection, observed: Observed) -> Iterator[Clue]:
     if levels < 2:
         return
     z = np.log(frequency) - np.log(frequency).mean()
-    covariates = np.stack([(z / np.abs(z).max()) ** j for j in range(min(_DEGREE, levels - 1) + 1)], axis=1)
+    powers = np.stack([(z / np.abs(z).max()) ** j for j in range(min(_DEGREE, levels - 1) + 1)], axis=1)
+    for harmonic in range(_SMOOTH_HARMONICS + 1):
+        columns = _smooth_columns(observed, places, powers, harmonic)
+        yield _score_clue(f"harmonic {harmonic}", columns, projection, observed)
+    together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in range(HARMONICS + 1)]
+    yield _score_clue("harmonics together", np.concatenate(together, axis=1), projection, observed)
+
+
+def _smooth_columns(observed: Observed, places: Sequence[int], powers: Array, harmonic: int) -> Array:
+    """What real and imaginary coefficients of powers (tests, k) of log f make on a harmonic, (m, 2 k)."""
+    columns = np.zeros((len(observed.measured), 2, powers.shape[1]))
+    for i, weights in zip(places, powers, strict=True):
+        for part in (0, 1):
+            at, values = _harmonic_rows(observed, i, harmonic, part)
+            columns[at, part] = values[:, None] * weights
+    return columns.reshape(len(columns), -1)
+
+
+def _score_clue(name: str, columns: Array, projection: Projection, observed: Observed) -> Clue:
+    """Score test of columns (m, k)."""
+    rest = projection.apply(columns[:, np.any(columns != 0, axis=0)])
+    vectors, values, _ = np.linalg.svd(rest, full_matrices=False)
+    kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
+    count = kept.shape[1]
+    statistic = float(np.sum((kept.T @ projection.residual) ** 2))
+    power = np.sum(columns**2, axis=1)
+    p = float(fisher.sf(statistic / count, count, _behind(observed, power)))
     rows = len(observed.measured)
     residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
-    for harmonic in range(_SMOOTH_HARMONICS + 1):
-        columns = np.zeros((len(observed.measured), 2, covariates.shape[1]))
-        for i, weights in zip(places, covariates, strict=True):
-            for part in (0, 1):
-                at, values = _harmonic_rows(observed, i, harmonic, part)
-                columns[at, part] = values[:, None] * weights
-        flat = columns.reshape(len(columns), -1)
-        rest = projection.apply(flat[:, np.any(flat != 0, axis=0)])
-        vectors, values, _ = np.linalg.svd(rest, full_matrices=False)
-        kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
-        count = kept.shape[1]
-        statistic = float(np.sum((kept.T @ projection.residual) ** 2))
-        behind = _behind(observed, np.sum(flat**2, axis=1))
-        yield Clue(
-            f"harmonic {harmonic}",
-            statistic,
-            count,
-            float(fisher.sf(statistic / count, count, behind)),
-            _squares(residual, expected, observed, np.any(flat != 0, axis=1)),
-        )
+    return Clue(name, statistic, count, p, _squares(residual, expected, observed, power > 0))
 
 
 def _harmonic_rows(observed: Observed, place: int, harmonic: int, part: int) -> tuple[NDArray[np.intp], Array]:

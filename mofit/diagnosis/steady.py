@@ -18,6 +18,10 @@ _CHANCE = 1e-4
 _MOST = 6
 #: Lines on each side that the leakage of a frequency reaches.
 _NEAR = 1.5
+#: Free records that are counted at least, where there are none.
+_LEAST = 0.5
+#: Lines on each side over which an interpolated spectrum is gathered.
+_REACH = 8
 
 
 def steady_lines(
@@ -25,9 +29,10 @@ def steady_lines(
 ) -> list[NDArray[np.bool_]]:
     r"""Which lines of each record belong to a frequency that stands out of the noise in all records together.
 
-    At every frequency the white power of the records that repeat is summed, :math:`\sum_t P_t(f) \sim \chi^2_{2 T}`
-    without a line; the noise being estimated, F. The spectra are interpolated (zero-padding), so that a frequency
-    between two lines is seen as well.
+    At every frequency the white power of the records that repeat is summed. The spectra are interpolated
+    (zero-padding), so that a frequency between two lines is seen as well; of noise, record t then has the power
+    :math:`2 w_t(f)` there, where :math:`w_t` is 1 far from lines that are not free, and 0 on them. Without a line the
+    sum is about :math:`\chi^2_\nu`, with :math:`\nu = 2 (\sum w_t)^2 / \sum w_t^2`; the noise being estimated, F.
 
     Parameters
     ----------
@@ -51,14 +56,16 @@ def steady_lines(
     longest = max(records[i].count * records[i].step for i in places)
     grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
     freedom = np.array([float(np.median(records[i].process.freedom)) for i in places])
-    behind = len(places) ** 2 / float(np.sum(1 / freedom))
     for _ in range(_MOST):
-        power: Array = np.zeros(len(grid))
-        for i in places:
-            power += _power_at(records[i], rows[i], free[i] & ~found[i], grid)
-        best = int(np.argmax(power))
-        single = float(fisher.sf(power[best] / (2 * len(places)), 2 * len(places), behind))
-        if single * len(grid) > _CHANCE:
+        kept = [free[i] & ~found[i] for i in places]
+        power = np.array([_power_at(records[i], rows[i], k, grid) for i, k in zip(places, kept, strict=True)])
+        weight = np.array([_weight_at(records[i], k, grid) for i, k in zip(places, kept, strict=True)])
+        total = np.maximum(weight.sum(axis=0), _LEAST)
+        squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
+        behind = total**2 / np.maximum(np.sum(weight**2 / freedom[:, None], axis=0), _LEAST**2 / freedom.max())
+        chance = fisher.sf(power.sum(axis=0) / (2 * total), 2 * total**2 / squares, behind)
+        best = int(np.argmin(chance))
+        if chance[best] * len(grid) > _CHANCE:
             break
         for i in places:
             w = records[i]
@@ -73,3 +80,13 @@ def _power_at(w: Whitening, rows: Array, kept: NDArray[np.bool_], grid: Array) -
     fine = np.fft.rfft(signal, 2 * w.count)
     place = np.round(grid * 2 * w.count * w.step).astype(np.int64)
     return np.asarray(np.abs(fine[np.minimum(place, len(fine) - 1)]) ** 2)
+
+
+def _weight_at(w: Whitening, kept: NDArray[np.bool_], grid: Array) -> Array:
+    """The power that `_power_at` finds of noise, halved: of lines with sinc² of the distance."""
+    fine = np.zeros(2 * len(kept))
+    fine[::2] = kept
+    kernel = np.sinc(np.arange(-2 * _REACH, 2 * _REACH + 1) / 2) ** 2
+    weight = np.convolve(fine, kernel, "same")
+    place = np.round(grid * 2 * w.count * w.step).astype(np.int64)
+    return np.asarray(weight[np.minimum(place, 2 * (len(kept) - 1))])

@@ -35,6 +35,9 @@ class Thresholds:
         any other leaving this many times as much.
     alike
         Difference of the information criterion below which explanations count as alike: ten times less probable.
+    alike_of_several
+        The same where the best has several effects: half as probable. Of more sets than single effects some come close
+        by chance, and what is less probable than this is more often wrong than right.
     possible
         The same below which one is not ruled out yet: above, it is a hundred times less probable. A next test must
         part these as well, or they come back with it.
@@ -61,6 +64,7 @@ class Thresholds:
     coarse_share: float = 0.4
     coarse_lead: float = 2.0
     alike: float = 4.6
+    alike_of_several: float = 1.4
     possible: float = 9.2
     promising: float = 0.1
     hopeless: float = 0.01

@@ -86,10 +86,9 @@ def conclude(
     The share that is left decides; ``told`` is said in its place where the fits that are told leave another.
     """
     best = found.best
+    limit = best.criterion + (thresholds.alike if len(best.effects) < 2 else thresholds.alike_of_several)
     alike = tuple(
-        explanation
-        for explanation in found.explanations
-        if explanation.effects and explanation.criterion < best.criterion + thresholds.alike
+        explanation for explanation in found.explanations if explanation.effects and explanation.criterion < limit
     )
     first, last = found.left.squares(thresholds.left), found.best_left.squares(thresholds.left)
     total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())

@@ -37,6 +37,21 @@ def test_a_planted_line_is_found_in_its_class(frequency: float, clue: str) -> No
     assert clue in {one.name for one in found.clues if one.p < 1e-4}
 
 
+def test_a_gap_spread_thinly_over_many_harmonics_is_seen_in_all_together() -> None:
+    """A pulse at one place of every stroke: a tenth of the noise on each harmonic."""
+    fitted = damper_fit()
+    observed = fitted.hypothesis.observed
+    rows = np.zeros(len(fitted.residual))
+    for place, (_, _, w) in enumerate(observed.parts):
+        turn = 2 * np.pi * np.arange(w.count) * w.step / w.period
+        pulse = 0.1 * NOISE * sum(np.cos(h * turn) for h in range(1, 11))
+        rows[: len(observed.measured)][observed.part == place] = w.rows(np.pad(pulse, (w.start, 0))[:, None])[:, 0]
+    found = remaining(replace(fitted, residual=fitted.residual + rows))
+    first, second, *_ = found.clues
+    assert first.name == "harmonics together"
+    assert first.p < 1e-3 * second.p
+
+
 def test_the_gap_is_measured_in_newtons() -> None:
     where = locate(planted(5 * NOISE, 6.0))
     (spot,) = [spot for spot, loud in zip(where.spots, significant(where, 0.01), strict=True) if loud]
