@@ -28,7 +28,7 @@ _SETTLING = 1.0
 _FREQUENCIES, _AMPLITUDES, _SPEEDS = (0.5, 1.0, 1.5, 2.0), (0.5, 1.0, 2.0), (1 / 3, 1.0)
 #: Noncentrality from which a test separates surely: with 40 the criteria differ by 4.6 in more than 97 of 100 cases,
 #: and what is foreseen from an effect of score 50 is uncertain by a third of it and more.
-SEPARATES = 80.0
+SEPARATES = 100.0
 #: Samples per period that a sampling rate must give: with 12 the third harmonic of a delayed force is off by 1 %, which
 #: a quiet rig sees.
 _FEWEST_SAMPLES = 16

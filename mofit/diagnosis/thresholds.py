@@ -55,7 +55,7 @@ class Thresholds:
 
     gap: float = 5e-3
     more: float = 3e-3
-    left: float = 3e-4
+    left: float = 1e-3
     left_share: float = 0.02
     left_share_of_most: float = 0.002
     left_of_peak: float = 2e-4
