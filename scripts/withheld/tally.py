@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.stats import beta, norm
 
 #: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
@@ -135,6 +135,7 @@ def figures(
         "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
         "strong_with_next_test": _naming([again.get(p.campaign, p) for p in strong]),
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
+        "strong_first_at_most": _mean([first_at_most(p) for p in strong]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.score < WEAK]),
         "strong_in_truth": _naming([p for p in effects if p.strength >= STRONG]),
@@ -230,6 +231,18 @@ def claims(p: Pairing) -> bool:
 def _parted(before: Pairing, after: Pairing) -> bool:
     """Whether of all that was named before the truth alone still is; what was not may be named beside it."""
     return set(after.true) <= set(after.named) and not set(before.named) & set(after.named) - set(after.true)
+
+
+def first_at_most(p: Pairing) -> float:
+    """Chance that the true effect fits better than its best rival, for a diagnosis that knows all but the effect.
+
+    Of a gap a t in white noise, directions t and l take up (r t)^2 and (r l)^2; their difference is the product of
+    r (t - l) and r (t + l), which are independent normals. The rival leaves a^2 sin^2 of the angle between the two.
+    """
+    strength = p.label["strength"]
+    half = 0.5 * np.arcsin(np.sqrt(min(_next_best(p) / strength, 1.0)))
+    means = np.sqrt(strength) * np.array([np.sin(half), np.cos(half)])
+    return float(np.prod(norm.cdf(means)) + np.prod(norm.cdf(-means)))
 
 
 def _next_best(p: Pairing) -> float:

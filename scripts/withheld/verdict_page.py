@@ -27,7 +27,8 @@ def page(
         "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
         "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
         "that all others together cannot stand in for, as the effects outside the library. A next test resolves its",
-        "group where the truth and nothing else is named then.",
+        "group where the truth and nothing else is named then. No diagnosis can name more effects exactly than come",
+        "first, nor have more first than the noise lets fit better than their best rivals (linear, from the truth).",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
@@ -39,6 +40,7 @@ def page(
         *(f"| … {noise} noise | {_share(value)} | |" for noise, value in none["by_noise"].items()),
         f"| strong (T ≥ 50): named exactly (alone) | {_share(strong['exact'])} | ≥ 98 % |",
         f"| … first | {_share(strong['first'])} | |",
+        f"| … first at most, whatever diagnoses these tests | {_percent(found['strong_first_at_most'])} | |",
         f"| … in the reported set | {_share(strong['in_set'])} | ≥ 99 % |",
         f"| … mean set size | {_number(strong['set_size'])} | ≤ 1.3 |",
         f"| … alone, once the advised next test is run | {_share(found['strong_with_next_test']['exact'])} | |",

@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from damper_rig import damper_campaign, damper_diagnosis, truth
 
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.summary import summary
+from mofit.diagnosis.thresholds import Thresholds
+from mofit.diagnosis.verdict import conclude
 from mofit.errors import InputError
 from mofit.library import find_model
 from mofit.settings import Settings
@@ -70,6 +73,18 @@ def test_two_effects_at_once_are_both_named() -> None:
     found = damper_diagnosis(TWO)
     assert found.conclusion.verdict == "several"
     assert found.attribution.best.effects == ("cubic_stiffness", "quadratic_damping")
+
+
+@pytest.mark.parametrize(("behind", "doubtful"), [(1.0, True), (2.0, False)])
+def test_beside_several_effects_only_close_rivals_are_named(behind: float, doubtful: bool) -> None:
+    found = damper_diagnosis(TWO)
+    best, *others = found.attribution.explanations
+    rival = next(one for one in others if len(one.effects) > 1)
+    close = replace(rival, criterion=best.criterion + behind)
+    attribution = replace(found.attribution, explanations=(best, close, others[-1]))
+    conclusion = conclude(attribution, found.before, found.after, Thresholds())
+    assert conclusion.verdict == "several"
+    assert bool(conclusion.group) == doubtful
 
 
 def test_without_the_right_effect_none_is_blamed() -> None:

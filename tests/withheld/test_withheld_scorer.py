@@ -26,7 +26,7 @@ def hidden(case, *names, strength=100.0, beyond=0.0, size=1.0, noise="white", ot
     ]  # fmt: skip
     separation = {**dict.fromkeys(names, 0.0), "other": others}
     return {"case": case, "cause": names[0] if len(names) == 1 else "", "noise": noise, "causes": causes,
-            "beyond_library": beyond, "beyond_others": others, "next_pair": next_pair,
+            "strength": strength, "beyond_library": beyond, "beyond_others": others, "next_pair": next_pair,
             "separation": separation}  # fmt: skip
 
 
@@ -78,6 +78,17 @@ def test_naming_by_score():
     assert found["strong_in_truth"]["first"]["count"] == 6
     assert found["weaker_in_truth"]["in_set"]["share"] == 1.0
     assert found["by_effect"]["delay"]["exact"]["share"] == 0.25
+
+
+@pytest.mark.parametrize("cosine", [0.0, 0.8, 0.98])
+def test_how_often_the_truth_is_first_at_most_is_what_noise_leaves(cosine):
+    """An effect and a rival at an angle, in noise, many times."""
+    rng = np.random.default_rng(1)
+    sine = np.sqrt(1 - cosine**2)
+    residual = np.array([4.0, 0.0]) + rng.standard_normal((100_000, 2))
+    first = np.mean(residual[:, 0] ** 2 > (residual @ [cosine, sine]) ** 2)
+    rows = pairs((hidden("effect", "delay", strength=16.0, others=16.0 * sine**2), said("effect", "delay")))
+    assert figures(rows)["strong_first_at_most"] == pytest.approx(first, abs=0.006)
 
 
 def test_strangers_count_only_where_the_library_cannot_explain_them():
