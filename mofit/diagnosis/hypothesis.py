@@ -26,8 +26,8 @@ _FEWEST_STEPS, _MOST_STEPS = 1, 32
 _NUMBERS = 10**7
 #: Where an unstable integration has gone: no output or derivative is as large.
 RUNAWAY = 1e100
-#: White rows this large come from an unstable integration, too.
-_WILD = 1e20
+#: White rows and slopes this large come from an unstable integration, too.
+WILD = 1e20
 
 
 @dataclass(frozen=True)
@@ -142,16 +142,26 @@ class Hypothesis:
         return replace(self, simulator=self.simulator.with_steps(steps))
 
     def at_steps_for(self, u: Array) -> Hypothesis:
-        """The hypothesis with as many integration steps as points u (K, d) need for the noise of the tests."""
+        """The hypothesis with as many integration steps as points u (K, d) need for the noise of the tests.
+
+        Slopes can run away where outputs do not: those of a stiff friction do.
+        """
         values = self.full(u)
 
         def rows(at: Simulator) -> Array:
-            return self.observed.white([tamed(output[..., None]) for output, _ in at.sensitivities(values)])
+            stored = at.sensitivities(values)
+            white = self.observed.white([tamed(output[..., None]) for output, _ in stored])
+            return white if all(bounded(slopes) for _, slopes in stored) else np.full_like(white, RUNAWAY)
 
         def change(coarse: Array, fine: Array) -> float:
             return float(np.max(np.abs(fine - coarse)))
 
         return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _STEP_ERROR)[0])
+
+
+def bounded(values: Array) -> bool:
+    """Whether no value comes from an unstable integration."""
+    return bool((np.abs(values) < WILD).all())
 
 
 def tamed(values: Array) -> Array:
@@ -192,7 +202,7 @@ def with_enough_steps(
         here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
         # two integrations that ran away are alike as well
-        stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
+        stable = float(np.max(np.abs(coarse), initial=0.0)) < WILD
         if (stable and change(coarse, fine) <= allowed) or 2 * steps > _MOST_STEPS:
             return here, coarse
         steps, coarse = 2 * steps, fine

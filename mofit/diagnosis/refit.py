@@ -12,7 +12,7 @@ from scipy.special import gammaln
 from mofit.diagnosis.baseline import Fitted, fit
 from mofit.diagnosis.candidates import moving
 from mofit.diagnosis.cause import recalibrated
-from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, bounded, hypothesis
 from mofit.diagnosis.screen import Screened
 from mofit.errors import InputError
 
@@ -79,7 +79,12 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
 
 
 def _holds(found: Fitted) -> bool:
-    """Whether the minimum can be simulated with half the step: a softened spring may hold by rounding alone."""
+    """Whether the minimum can be simulated with half the step: a softened spring may hold by rounding alone.
+
+    And whether its slopes are those of a stable integration: nothing can be told of its parameters otherwise.
+    """
+    if not bounded(found.jacobian):
+        return False
     model = found.hypothesis
     finer = model.with_steps(2 * (model.simulator.steps or 1))
     return bool(np.isfinite(finer.evaluate(found.minimum.point[None])[0]).all())

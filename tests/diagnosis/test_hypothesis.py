@@ -8,7 +8,7 @@ from damper_rig import WORKSHOP, damper_fit
 
 from mofit.calibration import calibrate
 from mofit.diagnosis.cause import causes, recalibrated
-from mofit.diagnosis.hypothesis import RUNAWAY, hypothesis, with_enough_steps
+from mofit.diagnosis.hypothesis import RUNAWAY, Hypothesis, hypothesis, with_enough_steps
 from mofit.library import find_effect, find_model
 from mofit.objectives import GaussianPrior
 from mofit.parameters import ParameterSpace
@@ -18,12 +18,16 @@ from mofit.simulate import run_plan
 CONDITIONS = {"longitudinal_velocity": 16.7}
 
 
-def test_jacobian_is_that_of_the_residual() -> None:
+def with_friction() -> tuple[Hypothesis, np.ndarray]:
+    """The damper with friction, and a point."""
     fitted = damper_fit()
-    effect = find_effect("dry_friction")
     observed = fitted.hypothesis.observed
-    model = hypothesis(observed, causes(effect, observed.problem.space, (), WORKSHOP)[:1])
-    point = np.concatenate([fitted.minimum.point, [0.05, 0.6]])
+    found = causes(find_effect("dry_friction"), observed.problem.space, (), WORKSHOP)
+    return hypothesis(observed, found[:1]), np.concatenate([fitted.minimum.point, [0.05, 0.6]])
+
+
+def test_jacobian_is_that_of_the_residual() -> None:
+    model, point = with_friction()
     model = model.at_steps_for(point[None])
     here = model.linear(point[None])
     for k in range(len(point)):
@@ -53,6 +57,21 @@ def test_runaway_integrations_do_not_count_as_converged() -> None:
     )
     assert simulator.steps == 8
     assert rows == pytest.approx(1.0, abs=1e-6)
+
+
+def test_steps_are_fine_enough_for_the_slopes_too(monkeypatch) -> None:
+    """Slopes of a stiff friction can run away where its force does not."""
+    model, point = with_friction()
+    simulator = type(model.simulator)
+    whole = simulator.sensitivities
+
+    def wild_below_sixteen(self, values):
+        factor = 1.0 if self.steps >= 16 else RUNAWAY
+        return [(output, factor * slopes) for output, slopes in whole(self, values)]
+
+    assert model.at_steps_for(point[None]).simulator.steps < 16
+    monkeypatch.setattr(simulator, "sensitivities", wild_below_sixteen)
+    assert model.at_steps_for(point[None]).simulator.steps == 16
 
 
 def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
