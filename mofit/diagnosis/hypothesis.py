@@ -27,7 +27,7 @@ _NUMBERS = 10**7
 #: Where an unstable integration has gone: no output or derivative is as large.
 RUNAWAY = 1e100
 #: White rows and slopes this large come from an unstable integration, too.
-WILD = 1e20
+_WILD = 1e20
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Hypothesis:
 
 def bounded(values: Array) -> bool:
     """Whether no value comes from an unstable integration."""
-    return bool((np.abs(values) < WILD).all())
+    return bool((np.abs(values) < _WILD).all())
 
 
 def tamed(values: Array) -> Array:
@@ -202,7 +202,7 @@ def with_enough_steps(
         here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
         # two integrations that ran away are alike as well
-        stable = float(np.max(np.abs(coarse), initial=0.0)) < WILD
+        stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
         if (stable and change(coarse, fine) <= allowed) or 2 * steps > _MOST_STEPS:
             return here, coarse
         steps, coarse = 2 * steps, fine

@@ -18,7 +18,7 @@ _CHANCE = 1e-4
 _MOST = 6
 #: Lines on each side that the leakage of a frequency reaches.
 _NEAR = 1.5
-#: Free records that are counted at least, where there are none.
+#: Free records that are counted at least: where a frequency has next to none, chance is not told from too few.
 _LEAST = 0.5
 #: Lines on each side over which an interpolated spectrum is gathered.
 _REACH = 8

@@ -36,8 +36,8 @@ class Thresholds:
     alike
         Difference of the information criterion below which explanations count as alike: ten times less probable.
     alike_of_several
-        The same where the best has several effects: half as probable. Of more sets than single effects some come close
-        by chance, and what is less probable than this is more often wrong than right.
+        The same where the best has several effects: half as probable. A rival less probable than that is right in one
+        case of three at most, and of sets there are more that come close than of single effects.
     possible
         The same below which one is not ruled out yet: above, it is a hundred times less probable. A next test must
         part these as well, or they come back with it.

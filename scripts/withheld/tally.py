@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta, norm
+from scipy.stats import norm
+from shares import mean, share, spread, upper_bound
 
 #: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
@@ -78,28 +79,6 @@ class Pairing:
         return min(float(tested.get(name, 0.0)) for name in self.true)
 
 
-def upper_bound(hits: int, count: int, level: float = 0.95) -> float:
-    """Clopper-Pearson bound that the true share exceeds with a chance of 1 - level."""
-    return 1.0 if hits >= count else float(beta.ppf(level, hits + 1, count - hits))
-
-
-def interval(hits: int, count: int, level: float = 0.95) -> tuple[float, float]:
-    """Clopper-Pearson interval of a share."""
-    tail = (1 - level) / 2
-    low = 0.0 if hits == 0 else float(beta.ppf(tail, hits, count - hits + 1))
-    return low, upper_bound(hits, count, 1 - tail)
-
-
-def share(flags: Iterable[bool]) -> dict[str, Any]:
-    """Hits, count, share, and its 95 % interval."""
-    values = [bool(flag) for flag in flags]
-    hits, count = sum(values), len(values)
-    if not count:
-        return {"hits": 0, "count": 0, "share": None, "low": None, "high": None}
-    low, high = interval(hits, count)
-    return {"hits": hits, "count": count, "share": hits / count, "low": low, "high": high}
-
-
 def figures(
     pairings: Sequence[Pairing], after_next: Sequence[Pairing] = (), without: Sequence[Pairing] = ()
 ) -> dict[str, Any]:
@@ -132,10 +111,10 @@ def figures(
                 for noise in sorted({p.label["noise"] for p in by_case["none"]})
             },
         },
-        "strong": {**_naming(strong), "set_size": _mean([len(p.named) for p in strong if p.named])},
+        "strong": {**_naming(strong), "set_size": mean([len(p.named) for p in strong if p.named])},
         "strong_with_next_test": _naming([again.get(p.campaign, p) for p in strong]),
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
-        "strong_first_at_most": _mean([first_at_most(p) for p in strong]),
+        "strong_first_at_best": mean([first_at_best(p) for p in strong]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.score < WEAK]),
         "strong_in_truth": _naming([p for p in effects if p.strength >= STRONG]),
@@ -167,7 +146,7 @@ def figures(
             name: share(p.verdict == "unknown" for p in clear if p.label["cause"] == name)
             for name in sorted({p.label["cause"] for p in clear})
         },
-        "seconds": _spread([p.result["seconds"] for p in pairings if p.result.get("seconds") is not None]),
+        "seconds": spread([p.result["seconds"] for p in pairings if p.result.get("seconds") is not None]),
     }
 
 
@@ -233,7 +212,7 @@ def _parted(before: Pairing, after: Pairing) -> bool:
     return set(after.true) <= set(after.named) and not set(before.named) & set(after.named) - set(after.true)
 
 
-def first_at_most(p: Pairing) -> float:
+def first_at_best(p: Pairing) -> float:
     """Chance that the true effect fits better than its best rival, for a diagnosis that knows all but the effect.
 
     Of a gap a t in white noise, directions t and l take up (r t)^2 and (r l)^2; their difference is the product of
@@ -254,8 +233,8 @@ def _shrinkage(found: Sequence[Pairing]) -> dict[str, Any]:
     said = [p.result["shrinkage"] for p in told]
     actual = [p.actual for p in told]
     return {
-        "predicted_off": _spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
-        "confirmed_off": _spread([abs(s["confirmed"] - a) for s, a in zip(said, actual, strict=True)]),
+        "predicted_off": spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
+        "confirmed_off": spread([abs(s["confirmed"] - a) for s, a in zip(said, actual, strict=True)]),
         "covered": share(s["low"] <= a <= s["high"] for s, a in zip(said, actual, strict=True)),
         "withheld": len(found) - len(told),
     }
@@ -271,9 +250,9 @@ def _sizes(found: Sequence[Pairing]) -> dict[str, Any]:
         if len(truth) == 1 and said.get("size_low") is not None:
             covered.append(said["size_low"] <= truth[0] <= said["size_high"])
     return {
-        "error": _spread([e for group in errors.values() for e in group]),
+        "error": spread([e for group in errors.values() for e in group]),
         "covered": share(covered),
-        "by_effect": {name: _spread(group) for name, group in sorted(errors.items())},
+        "by_effect": {name: spread(group) for name, group in sorted(errors.items())},
     }
 
 
@@ -284,18 +263,3 @@ def _parts(cause: Mapping[str, Any], said: Mapping[str, Any]) -> tuple[NDArray[n
     if several and set(several) <= set(reported):
         return np.array([cause["knobs"][n] for n in several]), np.array([reported[n] for n in several])
     return np.array([cause["size"]]), np.array([said["size"]])
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if len(values) else None
-
-
-def _spread(values: Sequence[float]) -> dict[str, Any]:
-    if not len(values):
-        return {"count": 0, "median": None, "p90": None, "max": None}
-    return {
-        "count": len(values),
-        "median": float(np.median(values)),
-        "p90": float(np.quantile(values, 0.9)),
-        "max": float(np.max(values)),
-    }

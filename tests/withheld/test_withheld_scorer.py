@@ -8,7 +8,8 @@ from hidden import Slot, case_of, setting
 from respond import respond
 from score import actual, main
 from sealed import seal
-from tally import Pairing, confusion, figures, interval, upper_bound
+from shares import interval, upper_bound
+from tally import Pairing, confusion, figures
 
 
 def said(verdict, *names, size=1.0, shrinkage=None, score=100.0, **more):
@@ -81,14 +82,14 @@ def test_naming_by_score():
 
 
 @pytest.mark.parametrize("cosine", [0.0, 0.8, 0.98])
-def test_how_often_the_truth_is_first_at_most_is_what_noise_leaves(cosine):
+def test_how_often_the_truth_is_first_at_best_is_what_noise_leaves(cosine):
     """An effect and a rival at an angle, in noise, many times."""
     rng = np.random.default_rng(1)
     sine = np.sqrt(1 - cosine**2)
     residual = np.array([4.0, 0.0]) + rng.standard_normal((100_000, 2))
     first = np.mean(residual[:, 0] ** 2 > (residual @ [cosine, sine]) ** 2)
     rows = pairs((hidden("effect", "delay", strength=16.0, others=16.0 * sine**2), said("effect", "delay")))
-    assert figures(rows)["strong_first_at_most"] == pytest.approx(first, abs=0.006)
+    assert figures(rows)["strong_first_at_best"] == pytest.approx(first, abs=0.006)
 
 
 def test_strangers_count_only_where_the_library_cannot_explain_them():
