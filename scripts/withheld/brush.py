@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-BRISTLES = 600
+#: so many that even the acceleration, a second derivative, does not see them one by one
+BRISTLES = 20_000
 
 
 def characteristic(s: Array, slope: Array, s_max: Array, f_max: Array) -> Array:

@@ -39,8 +39,8 @@ def play(signal: Array, half_width: float) -> Array:
     return result
 
 
-def slope(signal: Array, step: float) -> Array:
-    """Derivative, by central differences of fourth order."""
+def slope_before(signal: Array, step: float) -> Array:
+    """Derivative (n,) from the past alone: of a kink, the slope before it."""
     result = np.gradient(signal, step)
-    result[2:-2] = (8 * (signal[3:-1] - signal[1:-3]) - (signal[4:] - signal[:-4])) / (12 * step)
+    result[2:] = (3 * signal[2:] - 4 * signal[1:-1] + signal[:-2]) / (2 * step)
     return result

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from filters import lag, later, rational, slope
+from filters import lag, later, rational, slope_before
 from numpy.typing import NDArray
 from rig_tests import WHEEL_RADIUS, RigTest
 
@@ -20,7 +20,9 @@ def transduced(test: RigTest, v: Mapping[str, float], time: Array, force: Array,
     step = time[1]
     since = (test.start_time or 0.0) + time
     if v["m_b"]:
-        force = force - v["m_b"] * slope(rate, step)
+        # the curve's kink at zero slip makes the acceleration jump, at times just when a sample is taken; that sample
+        # cannot know yet
+        force = force - v["m_b"] * slope_before(rate, step)
     if v["q_rig"]:
         w = 2 * np.pi * v["f_rig"]
         force = force + v["q_rig"] * rational(force, [1.0, 0.0, 0.0], [1.0, 2 * v["z_rig"] * w, w**2], step)

@@ -43,7 +43,8 @@ class Case:
 def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[Array]:
     """Force [N] of each test at its samples, without noise.
 
-    ``step`` is that of the integration of sines in s; friction, which is stiff, gets a quarter of it.
+    ``step`` is that of the integration of sines in s; friction, which is stiff, and a mass, whose force is a
+    derivative, get a quarter of it.
     """
     result: list[Array] = [np.empty(0)] * len(jobs)
     values = [case.values(test.kind) for case, test in jobs]
@@ -53,22 +54,23 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             result[i] = _standing(test, values[i])
         else:
             inner = (v for name, v in values[i].items() if name not in BEHIND)
-            sharing.setdefault((test, *inner), []).append(i)
+            sharing.setdefault((test, bool(values[i]["m_b"]), *inner), []).append(i)
     groups: dict[tuple[object, ...], list[list[int]]] = {}
     for members in sharing.values():
         test, v = jobs[members[0]][1], values[members[0]]
         states = tuple(bool(v[name]) for name in ("c_2", "c_f", "F_d"))
+        finer = bool(v["F_d"] or v["m_b"])
         extra = any(v[name] for name in ("k_c", "k_a", "c_P", "k_bump", "d_2"))
         coupled = bool(v["kappa_s"] or v["kappa_z"])
-        groups.setdefault((test.kind, test.rate, extra, states, coupled), []).append(members)
-    for (kind, *_, states, coupled), lanes in groups.items():
+        groups.setdefault((test.kind, test.rate, extra, states, coupled, finer), []).append(members)
+    for (kind, *_, coupled, finer), lanes in groups.items():
         # tests of like length side by side; the shorter ones run on, unheeded
         lanes.sort(key=lambda members: -jobs[members[0]][1].duration)
         for start in range(0, len(lanes), LANES):
             part = lanes[start : start + LANES]
             first = [members[0] for members in part]
             # of a step test only the settled half counts
-            fine = (max(step, COARSE) if kind == "step" else step) / (4 if states[2] else 1)
+            fine = (max(step, COARSE) if kind == "step" else step) / (4 if finer else 1)
             force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
             for lane, members in enumerate(part):
                 for i in members:

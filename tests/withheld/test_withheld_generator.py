@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from brush import bristles, characteristic, pressure_profile, secant
 from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, table
-from filters import lag, later, play
+from filters import lag, later, play, slope_before
 from generate import main, make
 from hidden import Slot, case_of, label, setting, slots
 from integrate import fractional_parts
@@ -95,6 +95,20 @@ def test_finer_steps_change_nothing():
     jobs = [(case, sine(4.0)) for case in cases]
     for coarse, fine in zip(respond(jobs), respond(jobs, 1.25e-3), strict=True):
         assert np.max(np.abs(coarse - fine)) < 0.03
+
+
+def test_a_mass_is_accelerated_as_finely():
+    jobs = [(Case(CENTRE, {"m_b": 5.0}), sine(4.0))]
+    (coarse,), (fine,) = respond(jobs), respond(jobs, 1.25e-3)
+    assert np.sqrt(np.mean((coarse - fine) ** 2)) < 0.06
+
+
+def test_a_slope_does_not_look_ahead():
+    time = np.arange(-50, 51) * 0.01
+    kink = np.where(time > 0, 5 * time, -2 * time + time**2)
+    found = slope_before(kink, 0.01)
+    assert found[2:51] == pytest.approx(-2 + 2 * time[2:51])
+    assert found[52:] == pytest.approx(np.full(49, 5.0))
 
 
 def test_small_motion_is_that_of_the_linear_springs_and_dampers():
