@@ -14,6 +14,8 @@ test; so is his linearisation, a force of F(s)/s times (s - rate/v*): a sliding 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -59,10 +61,15 @@ def secant(slip: Array, slope: Array, s_max: Array, f_max: Array) -> Array:
     size = np.abs(slip)
     result = np.empty_like(slip)
     for lane in range(slip.shape[1]):
-        limits, stiffness = bristles(slope[lane], s_max[lane], f_max[lane])
-        step = limits[0]
-        sliding = np.concatenate([[0.0], np.cumsum(stiffness * limits)])
-        sticking = np.append(np.cumsum(stiffness[::-1])[::-1], 0.0)
-        first = np.minimum((size[:, lane] / step).astype(np.int64), BRISTLES)
+        sliding, sticking = _sums(float(slope[lane]), float(s_max[lane]), float(f_max[lane]))
+        first = np.minimum((size[:, lane] * (BRISTLES / s_max[lane])).astype(np.int64), BRISTLES)
         result[:, lane] = sliding[first] / np.maximum(size[:, lane], 1e-12) + sticking[first]
     return result
+
+
+@lru_cache(maxsize=64)
+def _sums(slope: float, s_max: float, f_max: float) -> tuple[Array, Array]:
+    """Force [N] of those that slide, stiffness [N] of those that stick, once so many slide, (BRISTLES + 1,)."""
+    limits, stiffness = bristles(slope, s_max, f_max)
+    sliding = np.concatenate([[0.0], np.cumsum(stiffness * limits)])
+    return sliding, np.append(np.cumsum(stiffness[::-1])[::-1], 0.0)
