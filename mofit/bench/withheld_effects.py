@@ -25,6 +25,8 @@ from mofit.errors import InputError
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: Campaigns without effect, with two, and with another law, per campaign of one effect.
 NONE, PAIRS, KIN = 20, 3, 0.5
+#: Most tests that are added to a campaign, one after the other, as the diagnosis advises.
+ROUNDS = 3
 #: Campaigns that a process diagnoses, about, before another takes its place.
 _TASKS = 25
 #: Parts of the package that a diagnosis does not depend on.
@@ -75,15 +77,22 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
     options = [part for name, count in counts.items() for part in (f"--{name}", str(count))]
     _program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
     results = place / f"results-{_code()}"
-    first, following, without = (results / name for name in ("first", "next", "without"))
+    first, without = results / "first", results / "without"
     _diagnosed(place / "campaigns", first, jobs, None)
-    _program("append.py", place, first, "--out", following / "campaigns")
-    _diagnosed(following / "campaigns", following, jobs, None)
+    campaigns, diagnosed = [place / "campaigns"], [first]
+    for number in range(1, ROUNDS + 1):
+        following = results / f"next_{number}"
+        _program(
+            "append.py", place, diagnosed[-1], "--campaigns", campaigns[-1], "--out", following / "campaigns"
+        )  # fmt: skip
+        _diagnosed(following / "campaigns", following, jobs, None)
+        campaigns.append(following / "campaigns")
+        diagnosed.append(following)
     _program("leave_out.py", place, "--out", results / "removed.json")
     removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
     _diagnosed(place / "campaigns", without, jobs, removed)
     _program(
-        "score.py", place / "labels.sealed", first, "--next", following, "--without", without,
+        "score.py", place / "labels.sealed", first, "--next", *diagnosed[1:], "--without", without,
         "--out", results / "report", "--made-by", f"`mofit bench withheld-effects`: {made_by}",
     )  # fmt: skip
     return results / "report"

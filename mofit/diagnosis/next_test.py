@@ -13,6 +13,7 @@ from mofit.campaign import Measurement, Procedure
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.refit import Explanation
+from mofit.diagnosis.verdict import weights
 from mofit.drives import first_input, to_drive
 from mofit.kernel import Drive
 from mofit.model import Model, with_effects
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 _SECONDS, _LONGEST = 20.0, 240.0
 #: Periods at the start that are not judged.
 _SETTLING = 1.0
-#: Factors on the largest frequency, on the amplitude, and on the speed of the campaign that are tried.
-_FREQUENCIES, _AMPLITUDES, _SPEEDS = (0.5, 1.0, 1.5, 2.0), (0.5, 1.0, 2.0), (1 / 3, 1.0)
+#: Factors on the largest frequency, on the usual amplitude, and on the usual speed of the campaign that are tried.
+_FREQUENCIES, _AMPLITUDES, _SPEEDS = (0.125, 0.5, 1.0, 1.5, 2.0), (0.5, 1.0, 2.0, 3.0), (1 / 3, 1.0)
 #: Noncentrality from which a test separates surely: with 40 the criteria differ by 4.6 in more than 97 of 100 cases,
 #: and what is foreseen from an effect of score 50 is uncertain by a third of it and more.
 SEPARATES = 100.0
@@ -49,6 +50,8 @@ class NextTest:
         Smallest noncentrality over all pairs, with this test added to those there are.
     resolves
         Whether that is enough.
+    parts
+        Pairs of effects that are separated surely.
     sentence
         In words.
     """
@@ -60,71 +63,103 @@ class NextTest:
     conditions: Mapping[str, float]
     separation: float
     resolves: bool
+    parts: tuple[tuple[str, str], ...]
     sentence: str
 
 
 def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | None:
-    """The sine that separates alike explanations best; None if there is nothing to separate or no sine to vary."""
-    procedures = list(_procedures(observed))
-    if len(alike) < 2 or not procedures:
+    """The sine that separates alike explanations best; None if there is nothing to separate or no sine to vary.
+
+    Where no sine separates all of them, the one that separates most, by how probable they are: others may follow it.
+    """
+    usual = _usual(observed)
+    pairs = [pair for pair in combinations(range(len(alike)), 2) if alike[pair[0]].effects != alike[pair[1]].effects]
+    if not pairs or usual is None:
         return None
-    answers = [_answers(observed, explanation.fitted, procedures) for explanation in alike]
-    noise = _noise(observed)
-    separation = np.full(len(procedures), np.inf)
-    for first, second in combinations(range(len(alike)), 2):
-        if alike[first].effects != alike[second].effects:
-            for pair in ((first, second), (second, first)):
-                separation = np.minimum(separation, _separations(answers, alike, pair, noise))
-    best = int(np.argmax(separation))
-    procedure, largest = procedures[best], float(separation[best])
-    # of the test that was varied: phases of what turns, say, are those of a record
-    usual = max(procedures, key=lambda one: one.conditions.get("longitudinal_velocity", 0.0)).conditions
-    conditions = {name: value for name, value in procedure.conditions.items() if value != usual.get(name)}
+    procedures = list(_procedures(observed, usual))
+    answers, noise = [_answers(observed, explanation.fitted, procedures) for explanation in alike], _noise(observed)
+    # per pair and procedure, over the seconds tried
+    separations = np.array(
+        [
+            np.minimum(*(_separations(answers, alike, one, noise) for one in (pair, pair[::-1])))
+            for pair in pairs
+        ]
+    )  # fmt: skip
+    likely = weights(alike)
+    best = _best(separations, np.array([likely[first] * likely[second] for first, second in pairs]))
+    procedure, here = procedures[best], separations[:, best]
+    needed = _SECONDS * SEPARATES / np.maximum(here, 1e-9)
+    within = needed[needed <= _LONGEST]
     # rounded up to whole tens of seconds
-    seconds = float(np.clip(np.ceil(0.1 * _SECONDS * SEPARATES / max(largest, 1e-9)) * 10, _SECONDS, _LONGEST))
-    largest *= seconds / _SECONDS
+    seconds = float(np.clip(np.ceil(0.1 * within.max()) * 10, _SECONDS, _LONGEST)) if len(within) else _LONGEST
+    here = here * seconds / _SECONDS
+    names = [" with ".join(explanation.effects) for explanation in alike]
+    parts = tuple((names[i], names[j]) for (i, j), value in zip(pairs, here, strict=True) if value >= SEPARATES)
+    conditions = {name: value for name, value in procedure.conditions.items() if value != usual.conditions.get(name)}
     return NextTest(
         kind="sine",
         frequency=float(procedure.frequency or 0),
         amplitude=float(procedure.amplitude or 0),
         duration=seconds,
         conditions=conditions,
-        separation=largest,
-        resolves=largest >= SEPARATES,
-        sentence=_sentence(observed, procedure, conditions, seconds, largest, alike),
+        separation=float(here.min()),
+        resolves=len(parts) == len(pairs),
+        parts=parts,
+        sentence=_sentence(observed, procedure, conditions, seconds, (len(parts), len(pairs)), names),
     )
 
 
-def _procedures(observed: Observed) -> Iterator[Procedure]:
-    """Sines around those of the campaign."""
-    sines = [m.procedure for m in observed.problem.measurements if m.kind == "sine"]
-    periods = [r.period for m, r in zip(observed.problem.measurements, observed.problem.records, strict=True)
-               if m.kind == "sine" and r.period]  # fmt: skip
-    if not sines or not periods:
-        return
-    model = sines[int(np.argmin(periods))]
+def _best(separations: Array, weight: Array) -> int:
+    """Index of the procedure for separations (pairs, procedures), with a weight (pairs,) for each pair."""
+    smallest, enough = separations.min(axis=0), SEPARATES * _SECONDS / _LONGEST
+    if smallest.max() >= enough:
+        return int(np.argmax(smallest))
+    return int(np.argmax(weight @ np.minimum(separations / enough, 1.0)))
+
+
+def _usual(observed: Observed) -> Procedure | None:
+    """The fastest sine that repeats, at the usual speed and with the usual amplitude."""
     driver = first_input(observed.problem.model)
-    amplitude = max(float(np.ptp(sine.inputs[driver])) / 2 for sine in sines)
-    speeds = _SPEEDS if "longitudinal_velocity" in model.conditions else (1.0,)
-    time = np.arange(round(_SECONDS / model.step), dtype=np.float64) * np.float64(model.step)
+    sines = [
+        (record.period, measurement.procedure)
+        for measurement, record in zip(observed.problem.measurements, observed.problem.records, strict=True)
+        if measurement.kind == "sine" and record.period
+    ]
+    if not sines:
+        return None
+    speeds = [sine.conditions.get("longitudinal_velocity", 0.0) for _, sine in sines]
+    speed = float(np.quantile(speeds, 0.5, method="nearest"))
+    period, sine = min(
+        (one for one, own in zip(sines, speeds, strict=True) if own == speed), key=lambda one: one[0]
+    )  # fmt: skip
+    amplitude = float(np.median([0.5 * np.ptp(one.inputs[driver]) for _, one in sines]))
+    return replace(sine, frequency=1 / period, amplitude=amplitude)
+
+
+def _procedures(observed: Observed, usual: Procedure) -> Iterator[Procedure]:
+    """Sines around the usual one."""
+    driver = first_input(observed.problem.model)
+    speeds = _SPEEDS if "longitudinal_velocity" in usual.conditions else (1.0,)
+    time = np.arange(round(_SECONDS / usual.step), dtype=np.float64) * np.float64(usual.step)
     for factor in _FREQUENCIES:
-        frequency = round(factor / min(periods), 3)
-        if frequency * model.step * _FEWEST_SAMPLES > 1:
+        frequency = round(factor * float(usual.frequency or 0), 3)
+        if frequency * usual.step * _FEWEST_SAMPLES > 1:
             continue
         for size in _AMPLITUDES:
             for slower in speeds:
-                conditions = dict(model.conditions)
+                conditions = dict(usual.conditions)
                 if slower != 1.0:
                     conditions["longitudinal_velocity"] = round(slower * conditions["longitudinal_velocity"], 2)
+                amplitude = size * float(usual.amplitude or 0)
                 yield replace(
-                    model,
+                    usual,
                     name="next",
                     time=time,
-                    inputs={driver: size * amplitude * np.sin(2 * np.pi * frequency * time)},
+                    inputs={driver: amplitude * np.sin(2 * np.pi * frequency * time)},
                     conditions=conditions,
                     frequency=frequency,
-                    amplitude=size * amplitude,
-                    start_time=_end(observed) if model.start_time is not None else None,
+                    amplitude=amplitude,
+                    start_time=_end(observed) if usual.start_time is not None else None,
                 )
 
 
@@ -195,14 +230,17 @@ def _sentence(
     procedure: Procedure,
     conditions: Mapping[str, float],
     seconds: float,
-    separation: float,
-    alike: Sequence[Explanation],
+    parted: tuple[int, int],
+    names: Sequence[str],
 ) -> str:
     driver = first_input(observed.problem.model)
     unit = next(channel.unit for channel in observed.problem.model.inputs if channel.name == driver)
     under = "".join(f", {name.replace('_', ' ')} {value:g}" for name, value in conditions.items())
     what = f"a sine of {procedure.frequency:g} Hz, amplitude {procedure.amplitude:.4g} {unit}{under}, for {seconds:g} s"
-    if separation >= SEPARATES:
+    surely, pairs = parted
+    if surely == pairs:
         return f"Next test: {what}."
-    names = " and ".join(dict.fromkeys(name for explanation in alike for name in explanation.effects))
-    return f"No sine separates them surely; the best of those tried is {what}. Measure or calibrate {names} instead."
+    who = " and ".join(dict.fromkeys(names))
+    if surely:
+        return f"Next test: {what}; it parts {surely} of {pairs} pairs of {who}, others need another test after it."
+    return f"No sine separates them surely; the best of those tried is {what}. Measure or calibrate {who} instead."

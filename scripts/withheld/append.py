@@ -1,10 +1,11 @@
 """One more test of a campaign's specimen, as a diagnosis advised it.
 
-    python scripts/withheld/append.py DIR RESULTS --out NEXT
+    python scripts/withheld/append.py DIR RESULTS --out NEXT [--campaigns CAMPAIGNS]
 
-For every result RESULTS/<name>.json that explains the gap and claims its next test would tell its explanations apart,
-NEXT/<name>.nc is the campaign with that test run and added. What is hidden stays hidden: labels are opened to run the
-test, and nothing of them shows.
+For every result RESULTS/<name>.json that explains the gap and advises a test to tell its explanations apart,
+NEXT/<name>.nc is the campaign with that test run and added. CAMPAIGNS is the folder of the campaigns diagnosed:
+DIR/campaigns, or the NEXT of an earlier round. What is hidden stays hidden: labels are opened to run the test, and
+nothing of them shows.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import netCDF4
 from campaign_writer import extend_file
-from hidden import case_of, setting, slot_of
+from hidden import case_of, slot_of
 from respond import respond
 from rig_tests import RAMP, SPEED, RigTest, phases
 from sealed import unseal
 from specimen import add_noise
-from tally import Pairing, claims
+from tally import Pairing, advises
 
 #: between the last test and the added one, s
 PAUSE = 30.0
@@ -35,18 +37,19 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of generate.py")
     parser.add_argument("results", type=Path, help="folder with one JSON per campaign")
     parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--campaigns", type=Path, help="folder of the campaigns diagnosed; that of generate.py")
     options = parser.parse_args()
+    campaigns = options.campaigns or options.folder / "campaigns"
     options.out.mkdir(parents=True, exist_ok=True)
     labels = unseal(options.folder / "labels.sealed")
     for path in sorted(options.results.glob("*.json")):
         result, target = json.loads(path.read_text()), options.out / f"{path.stem}.nc"
-        if path.stem in labels and not target.exists() and claims(Pairing(path.stem, labels[path.stem], result)):
-            spec = result["next_test"]
-            append_test(options.folder / "campaigns" / f"{path.stem}.nc", labels[path.stem], spec, target)
+        if path.stem in labels and not target.exists() and advises(Pairing(path.stem, labels[path.stem], result)):
+            append_test(campaigns / f"{path.stem}.nc", labels[path.stem], result["next_test"], target)
             print(path.stem, file=sys.stderr)
 
 
-def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any], path: Path, number: int = 0) -> None:
+def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any], path: Path) -> None:
     """Write a copy of a campaign file with one more test, run on the same specimen.
 
     Parameters
@@ -60,8 +63,6 @@ def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any],
         ``longitudinal_velocity`` [m/s].
     path
         File to write.
-    number
-        Of the addition, for noise of its own.
 
     Raises
     ------
@@ -69,28 +70,39 @@ def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any],
         For a test that this rig cannot run.
     """
     slot = slot_of(entry)
+    number, end = _so_far(source)
     rng = slot.rng(10 + number)
-    test = replace(advised(spec, setting(slot)[1]), **phases(rng))
+    name = f"next_{number + 1}" if number else "next"
+    test = replace(advised(spec, end + PAUSE, name), **phases(rng))
     (force,) = respond([(case_of(entry), test)])
     extend_file(source, path, test, add_noise(force, slot.noise, rng))
 
 
-def advised(spec: Mapping[str, Any], tests: tuple[RigTest, ...]) -> RigTest:
-    """The test of a specification, after those there are."""
+def _so_far(campaign: Path) -> tuple[int, float]:
+    """How many tests were added to a campaign file, and when its last one ended, s."""
+    with netCDF4.Dataset(campaign) as file:
+        added = sum("next" in name for name in file.groups)
+        ends = [g.start_time + g["time"][-1].item() for g in file.groups.values() if "start_time" in g.ncattrs()]
+    return added, float(max(ends))
+
+
+def advised(spec: Mapping[str, Any], start: float, name: str = "next") -> RigTest:
+    """The test of a specification, begun at ``start`` [s]."""
     conditions = dict(spec.get("conditions") or {})
     speed = float(conditions.pop("longitudinal_velocity", SPEED))
     kind, amplitude, duration = spec["kind"], float(spec["amplitude"]), float(spec.get("duration") or 20.0)
     if conditions or kind not in ("sine", "step") or not speed > 0:
         raise ValueError(f"this rig runs sines and steps at other speeds, not {dict(spec)}")
-    start = max(t.start_time + t.duration for t in tests if t.start_time is not None) + PAUSE
     if kind == "step":
         if duration <= abs(amplitude) / RAMP + 1:
             raise ValueError(f"a step of {duration:g} s is too short")
-        return RigTest("step_next", "step", duration, amplitude, speed=speed)
+        return RigTest(f"step_{name}", "step", duration, amplitude, speed=speed)
     frequency = float(spec["frequency"])
     # whole periods
     duration = max(round(duration * frequency), 2) / frequency
-    return RigTest("sine_next", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2))
+    return RigTest(
+        f"sine_{name}", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2)
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

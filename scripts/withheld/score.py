@@ -1,6 +1,6 @@
 """Open the labels, last of all, and count how the diagnosis did.
 
-    python scripts/withheld/score.py DIR/labels.sealed DIR/results [--next DIR/next-results] [--without DIR/without]
+    python scripts/withheld/score.py DIR/labels.sealed DIR/results [--next DIR/next-results ...] [--without DIR/without]
                                      [--made-by TEXT] --out REPORT
 
 Each folder of results has one <name>.json per campaign, as `mofit diagnose --json` prints. Beside it may lie a
@@ -33,7 +33,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("labels", type=Path)
     parser.add_argument("results", type=Path)
-    parser.add_argument("--next", type=Path, help="results with the advised test added")
+    parser.add_argument("--next", type=Path, nargs="*", default=[], help="results with an advised test added, by round")
     parser.add_argument("--without", type=Path, help="results with the true effect taken from the candidates")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--made-by", default="", help="command and versions, for the page")
@@ -42,8 +42,8 @@ def main() -> None:
     main_run = joined(labels, options.results, with_truth=True)
     if not main_run:
         sys.exit(f"{options.results}: no result belongs to a campaign of {options.labels}; run the diagnosis first")
-    others = [joined(labels, folder) if folder else [] for folder in (options.next, options.without)]
-    found = figures(main_run, *others)
+    following = [joined(labels, folder) for folder in options.next]
+    found = figures(main_run, following, joined(labels, options.without) if options.without else [])
     found["not_diagnosed"] = len(labels) - len(main_run)
     options.out.mkdir(parents=True, exist_ok=True)
     down, across, counts = confusion(main_run)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,7 @@ def figures(
     pairings
         The main run.
     after_next
-        Campaigns of which a group was reported, diagnosed again with the advised test added.
+        Per round: campaigns of which several explanations were left, diagnosed again with the advised test added.
     without
         Campaigns diagnosed with the true effect taken from the candidates.
     """
@@ -100,7 +101,11 @@ def figures(
     clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
     missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
-    again, first = ({p.campaign: p for p in found} for found in (after_next, pairings))
+    rounds = [{p.campaign: p for p in found} for found in (pairings, *after_next)]
+    last = {campaign: p for found in rounds for campaign, p in found.items()}
+    claimed = [
+        (p, after[c]) for before, after in pairwise(rounds) for c, p in before.items() if claims(p) and c in after
+    ]
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
         "none": {
@@ -112,7 +117,8 @@ def figures(
             },
         },
         "strong": {**_naming(strong), "set_size": mean([len(p.named) for p in strong if p.named])},
-        "strong_with_next_test": _naming([again.get(p.campaign, p) for p in strong]),
+        "strong_with_next_test": _naming([last[p.campaign] for p in strong]),
+        "next_tests_run": [sum(p.campaign in found for p in strong) for found in rounds[1:]],
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "strong_first_at_best": mean([first_at_best(p) for p in strong]),
         "weaker": _naming(weaker),
@@ -135,9 +141,9 @@ def figures(
         "shrinkage": _shrinkage([p for p in (*strong, *by_case["pair"]) if p.exact]),
         "size": _sizes([p for p in strong if p.exact]),
         "next_test": {
-            "claimed": sum(claims(p) for p in pairings),
-            "resolved": share(p.exact for p in after_next),
-            "parted": share(_parted(first[p.campaign], p) for p in after_next),
+            "claimed": sum(claims(p) for found in rounds for p in found.values()),
+            "resolved": share(after.exact for _, after in claimed),
+            "parted": share(_parted(before, after) for before, after in claimed),
         },
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
@@ -202,9 +208,14 @@ def removable(p: Pairing) -> bool:
     return bool(p.label["beyond_others"] >= CLEAR)
 
 
+def advises(p: Pairing) -> bool:
+    """Whether a diagnosis that explains the gap advises a test to tell its explanations apart."""
+    return p.verdict != "unknown" and p.result.get("next_test") is not None
+
+
 def claims(p: Pairing) -> bool:
-    """Whether a diagnosis that explains the gap says that its next test would tell its explanations apart."""
-    return p.verdict != "unknown" and bool((p.result.get("next_test") or {}).get("resolves"))
+    """Whether it says that this test will tell all of them apart."""
+    return advises(p) and bool(p.result["next_test"]["resolves"])
 
 
 def _parted(before: Pairing, after: Pairing) -> bool:

@@ -15,7 +15,7 @@ def page(
 ) -> str:
     """All figures as Markdown, each beside what was asked for."""
     none, strong, unknown, pairs = found["none"], found["strong"], found["unknown"], found["pairs"]
-    apart = found["pairs_told_apart"]
+    apart, followed = found["pairs_told_apart"], found["strong_with_next_test"]
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
         "# Withheld effects",
@@ -26,9 +26,10 @@ def page(
         "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
         "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
         "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
-        "that all others together cannot stand in for, as the effects outside the library. A next test resolves its",
-        "group where the truth and nothing else is named then. First at best: how often noise lets the truth fit",
-        "better than its best rival, were all else known (linear, from the truth).",
+        "that all others together cannot stand in for, as the effects outside the library. Where several explanations",
+        "are left, the advised next test is run on the same tyre and the campaign diagnosed again, round by round; it",
+        "resolves its group where the truth and nothing else is named then. First at best: how often noise lets the",
+        "truth fit better than its best rival, were all else known (linear, from the truth).",
         "",
         "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
@@ -43,7 +44,9 @@ def page(
         f"| … first at best, by what these tests tell apart | {_percent(found['strong_first_at_best'])} | |",
         f"| … in the reported set | {_share(strong['in_set'])} | ≥ 99 % |",
         f"| … mean set size | {_number(strong['set_size'])} | ≤ 1.3 |",
-        f"| … alone, once the advised next test is run | {_share(found['strong_with_next_test']['exact'])} | |",
+        f"| … alone, once the advised tests are run | {_share(followed['exact'])} | |",
+        f"| … … in the set then | {_share(followed['in_set'])} | |",
+        f"| … … so many were given a next test, by round | {', '.join(map(str, found['next_tests_run']))} | |",
         f"| … which these tests tell from all others: alone | {_share(found['strong_told_apart']['exact'])} | |",
         f"| weaker (T from 16 to 50): in the set | {_share(found['weaker']['in_set'])} | ≥ 90 % |",
         f"| fainter: in the set | {_share(found['fainter']['in_set'])} | |",

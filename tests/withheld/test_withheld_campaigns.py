@@ -78,6 +78,12 @@ def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
     assert (added.name, added.kind, added.procedure.frequency) == ("sine_next", "sine", 6.0)
     assert added.procedure.conditions["longitudinal_velocity"] == 5.56
     assert added.procedure.start_time > max(m.procedure.start_time or 0 for m in before.measurements)
+    append_test(tmp_path / "next.nc", entry, spec, tmp_path / "third.nc")
+    third = read_campaign(tmp_path / "third.nc").measurements[-1]
+    assert third.name == "sine_next_2"
+    assert third.procedure.start_time > added.procedure.start_time + 10.0
+    force, earlier = (m.outputs["lateral_force"] for m in (third, added))
+    assert 20.0 < np.std(force[:500] - earlier[:500]) < 40.0
     assert np.ptp(added.outputs["lateral_force"]) > 200
     with pytest.raises(ValueError, match="runs sines and steps"):
         append_test(path, entry, {**spec, "conditions": {"vertical_force": 5000.0}}, tmp_path / "other.nc")

@@ -1,6 +1,7 @@
 """The scorer of withheld effects: counting against labels that are opened last."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,10 +157,13 @@ def test_the_removed_effect_and_the_next_test():
         (hidden("effect", "delay"), said("effect", "speed")),
         (hidden("effect", "delay", others=20.0), said("effect", "other")),
     )
-    found = figures(rows, after, without)
+    second = [replace(after[2], result=said("effect", "delay"))]
+    found = figures(rows, [after, second], without)
     assert found["next_test"]["claimed"] == 4
     assert found["next_test"]["resolved"]["hits"] == 1
     assert found["next_test"]["parted"]["hits"] == 2
+    assert found["next_tests_run"] == [4, 1]
+    assert found["strong_with_next_test"]["exact"]["hits"] == 2
     assert found["without_the_true_one"]["said_unknown"]["count"] == 2
     assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
 
