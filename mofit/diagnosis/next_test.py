@@ -242,5 +242,5 @@ def _sentence(
         return f"Next test: {what}."
     who = " and ".join(dict.fromkeys(names))
     if surely:
-        return f"Next test: {what}; it parts {surely} of {pairs} pairs of {who}, others need another test after it."
+        return f"Next test: {what}. It parts {surely} of {pairs} pairs of {who}; diagnose again for the rest."
     return f"No sine separates them surely; the best of those tried is {what}. Measure or calibrate {who} instead."

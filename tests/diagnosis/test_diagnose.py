@@ -111,6 +111,9 @@ def test_the_next_test_has_to_part_what_is_not_ruled_out_as_well() -> None:
     assert set(found.conclusion.group) == {"delay", "sensor_lowpass"}
     assert found.next_test is not None
     assert not found.next_test.resolves
+    # no sine tells a lag so short from a delay; those tried part both from the branch
+    assert set(found.next_test.parts) == {("delay", "second_branch"), ("sensor_lowpass", "second_branch")}
+    assert "parts 2 of 3 pairs" in found.next_test.sentence
     assert "second_branch" in found.next_test.sentence
     assert "dry_friction" not in found.next_test.sentence
 
