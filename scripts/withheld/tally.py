@@ -132,6 +132,7 @@ def figures(
             "said_none": share(p.verdict == "none" for p in clear),
         },
         "pairs": _both(by_case["pair"]),
+        "pairs_with_next_test": _both([last[p.campaign] for p in by_case["pair"]]),
         "pairs_told_apart": _both([p for p in by_case["pair"] if p.label["next_pair"] >= TOLD_APART]),
         "without_the_true_one": {
             "removable": sum(removable(p) for p in effects),

@@ -15,7 +15,9 @@ def page(
 ) -> str:
     """All figures as Markdown, each beside what was asked for."""
     none, strong, unknown, pairs = found["none"], found["strong"], found["unknown"], found["pairs"]
-    apart, followed = found["pairs_told_apart"], found["strong_with_next_test"]
+    apart, later, followed = (
+        found[key] for key in ("pairs_told_apart", "pairs_with_next_test", "strong_with_next_test")
+    )
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
         "# Withheld effects",
@@ -61,6 +63,8 @@ def page(
         f"| two at once: both named | {_share(pairs['both_named'])} | ≥ 85 % |",
         f"| … precision | {_share(pairs['precision'])} | ≥ 90 % |",
         f"| … those two by the best explanation | {_share(pairs['both_first'])} | |",
+        f"| … once the advised tests are run: both named | {_share(later['both_named'])} | |",
+        f"| … … precision | {_share(later['precision'])} | |",
         f"| … told from all other pairs: both named | {_share(apart['both_named'])} | |",
         f"| … … precision | {_share(apart['precision'])} | |",
         f"| … … those two by the best explanation | {_share(apart['both_first'])} | |",
