@@ -82,9 +82,7 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
     campaigns, diagnosed = [place / "campaigns"], [first]
     for number in range(1, ROUNDS + 1):
         following = results / f"next_{number}"
-        _program(
-            "append.py", place, diagnosed[-1], "--campaigns", campaigns[-1], "--out", following / "campaigns"
-        )  # fmt: skip
+        _program("append.py", place, diagnosed[-1], "--campaigns", campaigns[-1], "--out", following / "campaigns")
         _diagnosed(following / "campaigns", following, jobs, None)
         campaigns.append(following / "campaigns")
         diagnosed.append(following)

@@ -80,11 +80,8 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
     answers, noise = [_answers(observed, explanation.fitted, procedures) for explanation in alike], _noise(observed)
     # per pair and procedure, over the seconds tried
     separations = np.array(
-        [
-            np.minimum(*(_separations(answers, alike, one, noise) for one in (pair, pair[::-1])))
-            for pair in pairs
-        ]
-    )  # fmt: skip
+        [np.minimum(*(_separations(answers, alike, one, noise) for one in (pair, pair[::-1]))) for pair in pairs]
+    )
     likely = weights(alike)
     best = _best(separations, np.array([likely[first] * likely[second] for first, second in pairs]))
     procedure, here = procedures[best], separations[:, best]
@@ -129,9 +126,7 @@ def _usual(observed: Observed) -> Procedure | None:
         return None
     speeds = [sine.conditions.get("longitudinal_velocity", 0.0) for _, sine in sines]
     speed = float(np.quantile(speeds, 0.5, method="nearest"))
-    period, sine = min(
-        (one for one, own in zip(sines, speeds, strict=True) if own == speed), key=lambda one: one[0]
-    )  # fmt: skip
+    period, sine = min((one for one, own in zip(sines, speeds, strict=True) if own == speed), key=lambda one: one[0])
     amplitude = float(np.median([0.5 * np.ptp(one.inputs[driver]) for _, one in sines]))
     return replace(sine, frequency=1 / period, amplitude=amplitude)
 

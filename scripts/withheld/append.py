@@ -100,9 +100,7 @@ def advised(spec: Mapping[str, Any], start: float, name: str = "next") -> RigTes
     frequency = float(spec["frequency"])
     # whole periods
     duration = max(round(duration * frequency), 2) / frequency
-    return RigTest(
-        f"sine_{name}", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2)
-    )  # fmt: skip
+    return RigTest(f"sine_{name}", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2))
 
 
 if __name__ == "__main__":
