@@ -67,10 +67,10 @@ class Fitted:
         """Standard deviation of every parameter in unit coordinates, (d,); 0 at a bound."""
         free = self.free if free is None else free
         spread = np.zeros(len(free))
-        jacobian = self.jacobian[:, free]
-        # the box is a prior that keeps a flat direction finite
-        normal = jacobian.T @ jacobian + np.eye(int(free.sum()))
-        spread[free] = np.sqrt(np.diag(np.linalg.inv(normal)))
+        # the box is a prior that keeps a flat direction finite; not squared, where slopes of all sizes meet
+        rows = np.concatenate([self.jacobian[:, free], np.eye(int(free.sum()))])
+        root = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+        spread[free] = np.linalg.norm(root, axis=1)
         return spread
 
 

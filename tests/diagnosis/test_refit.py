@@ -3,8 +3,11 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.refit import _holds
+from mofit.refine import Minimum
 
 
 def fitted(steps, runs_away_from, slope=1.0):
@@ -28,3 +31,13 @@ def test_a_minimum_that_runs_away_at_half_the_step_does_not_hold():
 def test_a_minimum_with_slopes_that_ran_away_does_not_hold():
     assert not _holds(fitted(steps=4, runs_away_from=16, slope=1e71))
     assert not _holds(fitted(steps=4, runs_away_from=16, slope=np.nan))
+
+
+def test_spread_of_slopes_of_all_sizes():
+    """Squared, the largest would leave nothing of the others."""
+    jacobian = np.array([[1e10, 1e10], [0.0, 1.0]])
+    point = np.full(2, 0.5)
+    minimum = Minimum(point, 0.0, point, np.eye(2), 0.0, True, np.zeros(2, dtype=np.int64), ())
+    fitted = Fitted(None, minimum, np.zeros(2), jacobian)
+    # along (1, -1): one row of slope 1, and twice the box
+    assert fitted.sd() == pytest.approx(np.full(2, 1 / np.sqrt(3)), rel=1e-5)
