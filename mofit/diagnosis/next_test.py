@@ -230,7 +230,8 @@ def _sentence(
 ) -> str:
     driver = first_input(observed.problem.model)
     unit = next(channel.unit for channel in observed.problem.model.inputs if channel.name == driver)
-    under = "".join(f", {name.replace('_', ' ')} {value:g}" for name, value in conditions.items())
+    units = {condition.name: condition.unit for condition in observed.problem.model.conditions}
+    under = "".join(f", {n.replace('_', ' ')} {value:g} {units.get(n, '')}".rstrip() for n, value in conditions.items())
     what = f"a sine of {procedure.frequency:g} Hz, amplitude {procedure.amplitude:.4g} {unit}{under}, for {seconds:g} s"
     surely, pairs = parted
     if surely == pairs:
