@@ -63,13 +63,19 @@ class Fitted:
         """The same with the memory given back that speeds up further fits."""
         return replace(self, hypothesis=replace(self.hypothesis, simulator=self.hypothesis.simulator.without_tables()))
 
+    def slopes(self, free: NDArray[np.bool_]) -> Array:
+        """Of the simulated rows by the free parameters, (m + p, f), and below them the box, (f, f).
+
+        A row per parameter of unit weight in box widths keeps a flat direction finite.
+        """
+        return np.concatenate([-self.jacobian[:, free], np.eye(int(free.sum()))])
+
     def sd(self, free: NDArray[np.bool_] | None = None) -> Array:
         """Standard deviation of every parameter in unit coordinates, (d,); 0 at a bound."""
         free = self.free if free is None else free
         spread = np.zeros(len(free))
-        # the box is a prior that keeps a flat direction finite; not squared, where slopes of all sizes meet
-        rows = np.concatenate([self.jacobian[:, free], np.eye(int(free.sum()))])
-        root = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+        # not from their squares: slopes of all sizes meet here
+        root = np.linalg.inv(np.linalg.qr(self.slopes(free), mode="r"))
         spread[free] = np.linalg.norm(root, axis=1)
         return spread
 

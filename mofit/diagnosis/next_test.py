@@ -51,7 +51,7 @@ class NextTest:
     resolves
         Whether that is enough.
     parts
-        Pairs of effects that are separated surely.
+        Pairs of explanations that are separated surely, each by the names of its effects.
     sentence
         In words.
     """

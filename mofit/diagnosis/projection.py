@@ -62,9 +62,7 @@ class Projection:
 def project(fitted: Fitted) -> Projection:
     """The projector of a fitted hypothesis, with its residual."""
     free = fitted.free
-    # the Jacobian of a residual is minus that of what is simulated
-    slopes = -fitted.jacobian[:, free]
-    basis, triangle = np.linalg.qr(np.concatenate([slopes, np.eye(int(free.sum()))]))
+    basis, triangle = np.linalg.qr(fitted.slopes(free))
     rows = fitted.hypothesis.observed.freedom
     freedom = np.full(len(basis), np.inf)
     freedom[: len(rows)] = rows

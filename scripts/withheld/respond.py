@@ -54,6 +54,7 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             result[i] = _standing(test, values[i])
         else:
             inner = (v for name, v in values[i].items() if name not in BEHIND)
+            # a mass acts behind the tyre, but asks for steps of its own
             sharing.setdefault((test, bool(values[i]["m_b"]), *inner), []).append(i)
     groups: dict[tuple[object, ...], list[list[int]]] = {}
     for members in sharing.values():

@@ -32,7 +32,7 @@ def share(flags: Iterable[bool]) -> dict[str, Any]:
 
 
 def mean(values: Sequence[float]) -> float | None:
-    """None of nothing."""
+    """Mean value; None of nothing."""
     return float(np.mean(values)) if len(values) else None
 
 

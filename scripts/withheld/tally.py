@@ -81,7 +81,7 @@ class Pairing:
 
 
 def figures(
-    pairings: Sequence[Pairing], after_next: Sequence[Pairing] = (), without: Sequence[Pairing] = ()
+    pairings: Sequence[Pairing], after_next: Sequence[Sequence[Pairing]] = (), without: Sequence[Pairing] = ()
 ) -> dict[str, Any]:
     """All figures.
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from append import append_test
+from causes import LIBRARY
 from generate import make
 from hidden import Slot, label, setting
 from respond import Case, respond
@@ -11,7 +12,11 @@ from specimen import NOISES
 from mofit.calibration import calibrate, calibrated_values
 from mofit.campaign_file import read_campaign
 from mofit.check import check_campaign
+from mofit.diagnosis.candidates import choose_effects
+from mofit.diagnosis.workshop import Workshop
+from mofit.drives import to_drive
 from mofit.library import find_model
+from mofit.model import with_effects
 from mofit.posing import choose_tests, main_problem
 from mofit.refine import merge, refine
 from mofit.settings import Settings, free_space
@@ -52,6 +57,38 @@ def test_without_effect_the_model_is_right(tmp_path, number):
         assert left == pytest.approx(noise, rel=0.03)
     for name, value in zip(problem.space.names, problem.space.from_unit(best.point), strict=True):
         assert value == pytest.approx(specimen[name], rel=0.25 if name == "d_y" else 0.12)
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """Specimen, tests, campaign and problem of a campaign without effect."""
+    slot, model, settings = Slot(31, "none", "", 0), find_model("maxwell_tyre"), Settings()
+    specimen, tests = setting(slot)
+    campaign = read_campaign(made(tmp_path_factory.mktemp("bare"), slot))
+    space = free_space(model, settings)
+    selected = campaign.select([test.name for test in tests if test.kind == "sine"])
+    problem = main_problem(model, selected, space, calibrate(model, campaign, space, seed=0, jobs=1)[0], settings)
+    return specimen, {test.name: test for test in tests}, selected, problem
+
+
+@pytest.mark.parametrize("cause", LIBRARY, ids=lambda cause: cause.name)
+def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
+    """At the truth both simulate the same record: what is left of an effect that is named is not the generator's."""
+    specimen, tests, campaign, problem = bare
+    shape = {name: (low * high) ** 0.5 for name, (low, high) in cause.shape.items()}
+    true = {**specimen, **cause.typical, **shape}
+    (effect,) = (one for one in choose_effects(problem.model, campaign)[0] if one.name == cause.name)
+    model = with_effects(problem.model, effect)
+    free = [parameter.name for parameter in model.parameters if parameter.name in true]
+    assert set(cause.typical) <= set(free)
+    drives = [to_drive(model, *one, settled=False) for one in zip(problem.measurements, problem.records, strict=True)]
+    _, simulator = Workshop().simulator(model, drives, free, 16)
+    outputs = simulator.sensitivities(np.array([[true[name] for name in free]]))
+    case = Case(specimen, {**cause.typical, **shape})
+    for name in ("sine_1_00Hz", "sine_2_50Hz", "sine_4_00Hz"):
+        (force,), test = respond([(case, tests[name])]), tests[name]
+        here = outputs[problem.tests.index(name)][0][0, :, 0]
+        assert np.sqrt(np.mean((here - force)[round(test.rate / test.frequency) :] ** 2)) < 0.5
 
 
 def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
