@@ -19,8 +19,8 @@ class Thresholds:
         Chance below which the best explanation leaves a gap.
     left_share
         Share of the gap's squares that must be left, and
-    left_share_of_most
-        (where as many effects as are tried at once were needed: what they bend to follow is not explained yet), and
+    left_share_of_several
+        (where one effect did not do: what several bend to follow is not explained yet), and
     left_of_peak
         share of the output's peak that its root mean square must reach, before "unknown" is said: with enough real
         data everything is significant.
@@ -57,7 +57,7 @@ class Thresholds:
     more: float = 3e-3
     left: float = 1e-3
     left_share: float = 0.02
-    left_share_of_most: float = 0.002
+    left_share_of_several: float = 0.002
     left_of_peak: float = 2e-4
     coarse: float = 0.02
     resolution: float = 0.1
@@ -75,4 +75,4 @@ class Thresholds:
     @property
     def roughly(self) -> Thresholds:
         """For a coarse gap: one effect, and a remainder let pass."""
-        return replace(self, most_effects=1, left_share=self.coarse_share, left_share_of_most=self.coarse_share)
+        return replace(self, most_effects=1, left_share=self.coarse_share, left_share_of_several=self.coarse_share)

@@ -97,8 +97,8 @@ def conclude(
     of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
     significant = min([found.left.p, *(one.p_holm for one in found.screened)]) < thresholds.gap
     beyond_noise = found.best_left.p < thresholds.left and of_peak.max() > thresholds.left_of_peak
-    many = len(best.effects) == thresholds.most_effects
-    left = beyond_noise and share > (thresholds.left_share_of_most if many else thresholds.left_share)
+    several = len(best.effects) > 1
+    left = beyond_noise and share > (thresholds.left_share_of_several if several else thresholds.left_share)
     share = share if told is None else told
     effects = _named(found.explanations, alike)
     if not significant or (not best.effects and not left):
@@ -112,7 +112,7 @@ def conclude(
     rest = f" {100 * share:.0f} % of its squares are left that no known effect explains."
     caveat = rest if beyond_noise and share > _WORTH_TELLING else ""
     but = f"; these data cannot tell it from {' or '.join(others)}" if others else ""
-    if len(best.effects) > 1:
+    if several:
         return Conclusion(
             "several", f"Several effects cause the gap: {' and '.join(titles)}{but}.{caveat}", effects, alike, share
         )

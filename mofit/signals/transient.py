@@ -13,8 +13,10 @@ Array = NDArray[np.float64]
 UNSETTLED = 3.0
 #: windows per period
 WINDOWS = 8
-#: samples in a window; fewer scatter so much that chance looks like a transient
+#: independent samples in a window; fewer scatter so much that chance looks like a transient
 _SHORTEST = 8
+#: windows in a record at least, whatever the noise
+_FEWEST = 16
 #: deviations below this share of the range never count: rigs wander by about as much from cycle to cycle
 NEGLIGIBLE = 0.005
 
@@ -23,9 +25,10 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     """Time at the start before a signal repeats, and time at the end after it stopped to, in s.
 
     The usual period is the median over all periods, sample by sample (two periods: the second), the
-    usual deviation from it the median root mean square over windows of an eighth of a period. A
-    window is unsettled above three times that and above half a percent of the range. The transient
-    ends with the last such window of the first half, the tail begins with the first of the second.
+    usual deviation from it the median root mean square over windows of an eighth of a period, or longer
+    where neighbouring deviations depend on each other. A window is unsettled above three times that and
+    above half a percent of the range. The transient ends with the last such window of the first half, the
+    tail begins with the first of the second.
 
     With fewer than two periods nothing can be compared: (0, 0).
     """
@@ -41,7 +44,8 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     usual = stacked[-1] if whole == 2 else np.median(stacked, axis=0)
     wave = CubicSpline(np.append(phase, period), np.append(usual, usual[0]), bc_type="periodic")
     deviation = values - wave(t % period)
-    window = max(_SHORTEST, round(samples / WINDOWS))
+    longest = max(_SHORTEST, min(samples, len(t) // _FEWEST))
+    window = max(round(samples / WINDOWS), min(_samples_for(deviation, _SHORTEST), longest))
     edges = np.arange(0, max(len(t) - window, 0) + 1, window)
     rms = np.sqrt(np.add.reduceat(deviation**2, edges) / np.diff([*edges, len(t)]))
     level = np.median(rms[: len(rms) // 2] if whole == 2 else rms)
@@ -51,3 +55,15 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     transient = float(t[min(edges[first[-1]] + window, len(t) - 1)]) if first.size else 0.0
     tail = float(t[-1] - t[edges[last[0]]] + step) if last.size and whole > 2 else 0.0
     return transient, tail
+
+
+def _samples_for(deviation: Array, count: int) -> int:
+    r"""Samples whose mean square scatters as that of ``count`` independent ones.
+
+    As of a first-order process: :math:`(1 + \rho^2) / (1 - \rho^2)` times as many. Its :math:`\rho` is taken from how
+    often neighbours share their sign, :math:`\sin(\pi/2 \, \overline{s_i s_{i+1}})`, which a short transient, however
+    large, leaves as it is.
+    """
+    signs = np.sign(deviation)
+    rho = np.sin(np.pi / 2 * np.clip(np.mean(signs[1:] * signs[:-1]), 0, 0.99))
+    return int(np.ceil(count * (1 + rho**2) / (1 - rho**2)))

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from mofit.signals import settled_samples
 from mofit.signals.transient import find_settled
@@ -33,6 +34,22 @@ def test_a_steady_record_has_none(periods, seed):
 def test_a_slow_drift_is_none():
     time, values = response(12)
     assert find_settled(time, values + 0.01 * time, 1.0) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_noise_that_depends_on_what_it_was_before_is_none(seed):
+    # 25 samples per period: of so coloured a noise they are worth five
+    time, wave = np.arange(500) / 100, 3000 * np.sin(8 * np.pi * np.arange(500) / 100)
+    noise = lfilter([12.0], [1, -0.8], np.random.default_rng(seed).normal(size=1000))[500:]
+    assert find_settled(time, wave + noise, 0.25) == (0.0, 0.0)
+
+
+def test_a_transient_shows_through_such_noise():
+    time, wave = np.arange(500) / 100, 3000 * np.sin(8 * np.pi * np.arange(500) / 100)
+    noise = lfilter([12.0], [1, -0.8], np.random.default_rng(1).normal(size=1000))[500:]
+    transient, tail = find_settled(time, wave + noise + 600 * np.exp(-time / 0.3), 0.25)
+    assert 0.3 * np.log(600 / 60) < transient < 0.3 * np.log(600 / 15) + 0.5
+    assert tail == 0
 
 
 def test_a_rig_that_stops_before_the_end_of_the_record():

@@ -1,0 +1,48 @@
+"""When what is left of a gap is unknown: significant, felt in the output, and more than models may differ by."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mofit.diagnosis import verdict
+from mofit.diagnosis.remaining import Clue, Remaining
+from mofit.diagnosis.thresholds import Thresholds
+
+
+def left(p, *squares):
+    return Remaining((Clue("odd", 0.0, 1.0, p, np.array(squares)),), p)
+
+
+def where(*squares):
+    names = [f"sine_{i}" for i in range(len(squares))]
+    return SimpleNamespace(squares=dict(zip(names, squares, strict=True)), peaks=dict.fromkeys(names, 1000.0))
+
+
+@pytest.fixture(autouse=True)
+def names_only(monkeypatch):
+    """No fits behind these explanations."""
+    monkeypatch.setattr(
+        verdict, "named", lambda explanation, name, probability: SimpleNamespace(name=name, title=name, probability=1.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("effects", "p", "share", "said"),
+    [
+        (("force_gain",), 1e-9, 0.03, "unknown"),
+        (("force_gain",), 1e-9, 0.01, "effect"),
+        (("force_gain", "warm_up"), 1e-9, 0.01, "unknown"),
+        (("force_gain", "warm_up"), 1e-9, 0.001, "several"),
+        (("force_gain", "warm_up"), 0.01, 0.01, "several"),
+        (("drift", "force_gain", "warm_up"), 1e-9, 0.01, "unknown"),
+    ],
+)
+def test_what_several_effects_leave_counts_sooner_than_what_one_does(effects, p, share, said):
+    best = SimpleNamespace(effects=effects, criterion=0.0)
+    found = SimpleNamespace(
+        best=best, explanations=(best,), screened=(), left=left(1e-30, 800.0, 200.0), best_left=left(p, 1000 * share, 0)
+    )
+    concluded = verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), Thresholds())
+    assert concluded.verdict == said
+    assert concluded.left_share == pytest.approx(share)
