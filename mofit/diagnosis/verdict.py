@@ -105,7 +105,8 @@ def conclude(
         return Conclusion("none", "No gap: what the model leaves is noise.", (), (), share)
     titles = [effect.title for effect in effects if effect.name in best.effects]
     if left or not best.effects:
-        nearest = f"; the nearest, {' with '.join(titles)}, leaves {100 * share:.0f} % of it" if titles else ""
+        still_there = f"{100 * share:.0f} % of it" if round(100 * share) else "a pattern of little power"
+        nearest = f"; the nearest, {' with '.join(titles)}, leaves {still_there}" if titles else ""
         return Conclusion("unknown", f"None of the known effects explains the gap{nearest}.", effects, alike, share)
     doubt = Conclusion("group", "", effects, alike, share).group
     others = [effect.title for effect in effects if effect.name in doubt and effect.name not in best.effects]

@@ -46,3 +46,13 @@ def test_what_several_effects_leave_counts_sooner_than_what_one_does(effects, p,
     concluded = verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), Thresholds())
     assert concluded.verdict == said
     assert concluded.left_share == pytest.approx(share)
+
+
+def test_a_pattern_without_power_is_told_as_one():
+    best = SimpleNamespace(effects=("payne",), criterion=0.0)
+    gap = left(1e-30, 800.0, 200.0)
+    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=gap, best_left=left(1e-9, 30.0, 0.0))
+    concluded = verdict.conclude(found, where(800.0, 200.0), where(0.0, 0.0), Thresholds(), told=0.0)
+    assert concluded.sentence == (
+        "None of the known effects explains the gap; the nearest, payne, leaves a pattern of little power."
+    )
