@@ -64,7 +64,7 @@ class Ground:
 
     def left(self, gap: Array, *columns: Array) -> float:
         """Squared length of a gap (m,) beside the parameters and further columns."""
-        basis = _basis(np.concatenate([self.jacobian, *columns], axis=1))
+        basis = orthonormal(np.concatenate([self.jacobian, *columns], axis=1))
         return float(np.sum((gap - basis @ (basis.T @ gap)) ** 2))
 
     def separation(self, gap: Array) -> dict[str, float]:
@@ -72,7 +72,7 @@ class Ground:
         rest, groups = self._beside_parameters(gap)
         found: dict[str, float] = {}
         for name, columns in groups:
-            own = _basis(columns)
+            own = orthonormal(columns)
             found[name] = min(found.get(name, np.inf), float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
         return found
 
@@ -94,7 +94,7 @@ class Ground:
 
     def _beside_parameters(self, gap: Array) -> tuple[Array, list[tuple[str, Array]]]:
         """A gap (m,), and the directions (m, q) of every effect at every shape, less what the parameters take up."""
-        basis = _basis(self.jacobian)
+        basis = orthonormal(self.jacobian)
         groups = [(name, columns) for name, grid in self.directions.items() for columns in grid]
         return gap - basis @ (basis.T @ gap), [(name, c - basis @ (basis.T @ c)) for name, c in groups]
 
@@ -240,7 +240,7 @@ def _length(test: RigTest) -> int:
     return len(test.time) - (round(test.rate / test.frequency) if test.frequency else 0)
 
 
-def _basis(columns: Array) -> Array:
+def orthonormal(columns: Array) -> Array:
     """Orthonormal basis of what columns (m, k) span."""
     lengths = np.linalg.norm(columns, axis=0)
     vectors, values, _ = np.linalg.svd(columns[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)

@@ -1,0 +1,148 @@
+"""Which tests a campaign needs for an effect to be named alone: what a perfect diagnosis could do at best.
+
+    python scripts/withheld/programmes.py --out reports/withheld-effects/programmes.md [--specimens 9] [--seed 1]
+                                          [--jobs 1]
+
+From the truth alone, and linear (`strength`): an effect of strength S, drawn from 50 to 2,000 on a log scale, is named
+alone where its best rival is less than a tenth as probable. That rival leaves a share r of the effect's gap; twice the
+difference of the log likelihoods is normal with mean r S and variance 4 r S, and must exceed 2 ln 10. Tried are the
+paper's nine sines, with each sine of a pool besides, and with the best two, three and four, one added to the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from causes import LIBRARY, draw_cause
+from numpy.typing import NDArray
+from rig_tests import SPEED, RigTest, phases, programme, sine
+from scipy.stats import norm
+from specimen import NOISES, draw_specimen
+from strength import Ground, ground, orthonormal
+
+Array = NDArray[np.float64]
+
+SLOW, FAST, LENGTH = 20 / 3.6, 90 / 3.6, 20.0
+#: frequency [Hz], amplitude [deg], speed [m/s]
+POOL = (
+    *((f, a, SPEED) for f, a in ((0.5, 2), (0.5, 6), (2, 2), (2, 4), (2, 6), (4, 6), (6, 2), (6, 6), (8, 6))),
+    *((f, a, SLOW) for f, a in ((0.5, 2), (0.5, 6), (2, 2), (2, 6), (4, 6), (6, 2), (6, 6), (8, 6))),
+    (2, 6, FAST),
+    (6, 6, 10.0),
+)  # fmt: skip
+MOST = 4
+STRENGTHS = np.geomspace(50, 2000, 25)
+#: share of the typical size at which an effect's gap is taken
+_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class Tyre:
+    """One specimen in all tests: its ground, and the gap (m,) that every effect makes."""
+
+    place: Ground
+    gaps: dict[str, Array]
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--specimens", type=int, default=9)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1, help="processes; results do not depend on it")
+    options = parser.parse_args()
+    with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
+        tyres = list(pool.map(partial(tyre, seed=options.seed), range(options.specimens)))
+    command = f"python scripts/withheld/programmes.py --specimens {options.specimens} --seed {options.seed}"
+    options.out.write_text("\n".join(page(tyres, command)) + "\n", encoding="utf-8")
+
+
+def tyre(number: int, seed: int) -> Tyre:
+    """A specimen in the programme and in every sine of the pool."""
+    rng = np.random.default_rng([seed, number])
+    specimen, tests = draw_specimen(rng), list(programme(rng))
+    clock = max(t.start_time + t.duration for t in tests if t.start_time is not None)
+    for i, (frequency, amplitude, speed) in enumerate(POOL):
+        clock += 30
+        more = sine(float(frequency), float(np.deg2rad(amplitude)), speed=speed, start_time=clock, **phases(rng))
+        tests.append(replace(more, name=f"more_{i}", duration=LENGTH))
+        clock += LENGTH
+    place = ground(specimen, tests, NOISES[number % len(NOISES)])
+    drawn = [draw_cause(cause, rng) for cause in LIBRARY]
+    with np.errstate(over="ignore", invalid="ignore"):
+        gaps = {d.cause.name: place.gaps([d.at(_SHARE)], dict.fromkeys(d.at(1.0), d.place))[:, 0] for d in drawn}
+    # a strong softening has no force to hold against the contact patch
+    return Tyre(place, {name: gap for name, gap in gaps.items() if np.isfinite(gap).all()})
+
+
+def page(tyres: Sequence[Tyre], command: str) -> Iterator[str]:
+    """Lines of the page."""
+    yield from (
+        "# What fixed programmes could tell apart",
+        "",
+        (__doc__ or "").partition("\n\n")[2].split("\n\n", 1)[1],
+    )
+    yield from (f"Written by `{command}`.", "", "| tests | named alone at best |", "|---|---|")
+    chosen: list[int] = []
+    yield f"| the nine sines | {100 * alone(tyres, chosen):.1f} % |"
+    for count in range(1, MOST + 1):
+        found = {i: alone(tyres, [*chosen, i]) for i in range(len(POOL)) if i not in chosen}
+        best = max(found, key=lambda i: found[i])
+        for i in found if count == 1 else ():
+            yield f"| … and {_told(i)} | {100 * found[i]:.1f} % |"
+        chosen.append(best)
+        yield f"| **the best {count} more**: {'; '.join(map(_told, chosen))} | {100 * found[best]:.1f} % |"
+    yield f"| all {len(POOL)} more | {100 * alone(tyres, range(len(POOL))):.1f} % |"
+
+
+def _told(number: int) -> str:
+    frequency, amplitude, speed = POOL[number]
+    return f"{frequency:g} Hz, {amplitude:g}° at {3.6 * speed:.0f} km/h"
+
+
+def alone(tyres: Sequence[Tyre], more: Sequence[int]) -> float:
+    """Mean chance that a strong effect is named alone with these sines of the pool."""
+    chances = []
+    for one in tyres:
+        kept = _rows(one.place.tests, one.place.places, {f"more_{i}" for i in more})
+        chances += [chance(share * STRENGTHS).mean() for share in rivals(one, kept).values()]
+    return float(np.mean(chances))
+
+
+def _rows(tests: Sequence[RigTest], places: Sequence[slice], more: set[str]) -> NDArray[np.intp]:
+    wanted = [p for t, p in zip(tests, places, strict=True) if t.name in more or not t.name.startswith("more_")]
+    return np.concatenate([np.arange(p.start, p.stop) for p in wanted])
+
+
+def rivals(one: Tyre, kept: NDArray[np.intp]) -> dict[str, float]:
+    """Share of each effect's gap that its best rival, at its best shape, leaves on some rows."""
+    basis = orthonormal(one.place.jacobian[kept])
+
+    def beside(columns: Array) -> Array:
+        return columns - basis @ (basis.T @ columns)
+
+    directions = [(name, orthonormal(beside(c[kept]))) for name, grid in one.place.directions.items() for c in grid]
+    found = {}
+    for name, gap in one.gaps.items():
+        rest = beside(gap[kept])
+        taken = max(float(np.sum((own.T @ rest) ** 2)) for other, own in directions if other != name)
+        found[name] = 1 - taken / float(rest @ rest)
+    return found
+
+
+def chance(left: Array) -> Array:
+    """Chance that a close rival, which leaves this much of a gap's squared length, is less than a tenth as probable."""
+    left = np.maximum(left, 1e-9)
+    return np.asarray(norm.cdf((left - 2 * np.log(10)) / (2 * np.sqrt(left))))
+
+
+if __name__ == "__main__":
+    main()

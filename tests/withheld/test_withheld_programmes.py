@@ -1,0 +1,30 @@
+"""What tests could tell apart at best: from directions of known angles."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from programmes import Tyre, chance, rivals
+
+
+def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
+    # the parameter lies along the first axis; beside it a and b stand at 30 degrees, c at right angles to both
+    a, b, c = np.eye(4)[1], np.array([0, np.sqrt(3) / 2, 0.5, 0]), np.eye(4)[3]
+    place = SimpleNamespace(
+        jacobian=np.eye(4)[:, :1], directions={name: (v[:, None],) for name, v in (("a", a), ("b", b), ("c", c))}
+    )
+    one = Tyre(place, {"a": 7 * a + 5 * np.eye(4)[0], "c": c})
+    assert rivals(one, np.arange(4)) == pytest.approx({"a": 0.25, "c": 1.0})
+    # without the row in which they differ nothing tells a from b
+    assert rivals(one, np.array([0, 1, 3]))["a"] == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("left", [1.0, 9.0, 40.0])
+def test_the_chance_is_that_of_noisy_data(left):
+    # truth and rival are close unit directions; the gap is so long that the rival leaves this much of it
+    rng, angle = np.random.default_rng(1), 0.05
+    gap = np.array([np.sqrt(left) / np.sin(angle), 0.0])
+    data = gap + rng.normal(size=(100_000, 2))
+    rival = data @ [np.cos(angle), np.sin(angle)]
+    alone = data[:, 0] ** 2 - rival**2 > 2 * np.log(10)
+    assert chance(np.array([left]))[0] == pytest.approx(alone.mean(), abs=0.005)
