@@ -26,7 +26,7 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
 
     The usual period is the median over all periods, sample by sample (two periods: the second), the
     usual deviation from it the median root mean square over windows of an eighth of a period, or longer
-    where neighbouring deviations depend on each other. A window is unsettled above three times that and
+    ones in noise whose neighbouring samples depend on each other. A window is unsettled above three times that and
     above half a percent of the range. The transient ends with the last such window of the first half, the
     tail begins with the first of the second.
 
@@ -44,17 +44,25 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     usual = stacked[-1] if whole == 2 else np.median(stacked, axis=0)
     wave = CubicSpline(np.append(phase, period), np.append(usual, usual[0]), bc_type="periodic")
     deviation = values - wave(t % period)
-    longest = max(_SHORTEST, min(samples, len(t) // _FEWEST))
-    window = max(round(samples / WINDOWS), min(_samples_for(deviation, _SHORTEST), longest))
-    edges = np.arange(0, max(len(t) - window, 0) + 1, window)
-    rms = np.sqrt(np.add.reduceat(deviation**2, edges) / np.diff([*edges, len(t)]))
-    level = np.median(rms[: len(rms) // 2] if whole == 2 else rms)
-    late = np.flatnonzero(rms > max(UNSETTLED * level, NEGLIGIBLE * float(np.ptp(values))))
-    middle = len(edges) / 2
+    negligible = NEGLIGIBLE * float(np.ptp(values))
+    edges, rms, level = _windows(deviation, max(_SHORTEST, round(samples / WINDOWS)), whole == 2)
+    if UNSETTLED * level > negligible:
+        longest = max(_SHORTEST, min(samples, len(t) // _FEWEST))
+        enough = min(_samples_for(deviation, _SHORTEST), longest)
+        edges, rms, level = _windows(deviation, max(enough, round(samples / WINDOWS)), whole == 2)
+    late = np.flatnonzero(rms > max(UNSETTLED * level, negligible))
+    middle = len(rms) / 2
     first, last = late[late < middle], late[late >= middle]
-    transient = float(t[min(edges[first[-1]] + window, len(t) - 1)]) if first.size else 0.0
+    transient = float(t[min(edges[first[-1] + 1], len(t) - 1)]) if first.size else 0.0
     tail = float(t[-1] - t[edges[last[0]]] + step) if last.size and whole > 2 else 0.0
     return transient, tail
+
+
+def _windows(deviation: Array, window: int, first_half: bool) -> tuple[NDArray[np.intp], Array, float]:
+    """Edges of the windows, the last one's end included, root mean square in each, and the usual one."""
+    edges = np.append(np.arange(0, max(len(deviation) - window, 0) + 1, window), len(deviation))
+    rms = np.sqrt(np.add.reduceat(deviation**2, edges[:-1]) / np.diff(edges))
+    return edges, rms, float(np.median(rms[: len(rms) // 2] if first_half else rms))
 
 
 def _samples_for(deviation: Array, count: int) -> int:
