@@ -25,10 +25,10 @@ def find_settled(time: Array, values: Array, period: float) -> tuple[float, floa
     """Time at the start before a signal repeats, and time at the end after it stopped to, in s.
 
     The usual period is the median over all periods, sample by sample (two periods: the second), the
-    usual deviation from it the median root mean square over windows of an eighth of a period, or longer
-    ones in noise whose neighbouring samples depend on each other. A window is unsettled above three times that and
-    above half a percent of the range. The transient ends with the last such window of the first half, the
-    tail begins with the first of the second.
+    usual deviation from it the median root mean square over windows of an eighth of a period. A
+    window is unsettled above three times that and above half a percent of the range. Where the first
+    decides, windows are as long as neighbours that depend on each other ask for. The transient ends
+    with the last unsettled window of the first half, the tail begins with the first of the second.
 
     With fewer than two periods nothing can be compared: (0, 0).
     """

@@ -12,7 +12,8 @@ paper's nine sines, with each sine of a pool besides, and with the best two, thr
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+import platform
+from collections.abc import Iterator, Sequence, Set
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,12 +21,13 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+import scipy
 from causes import LIBRARY, draw_cause
 from numpy.typing import NDArray
-from rig_tests import SPEED, RigTest, phases, programme, sine
+from rig_tests import SPEED, phases, programme, sine
 from scipy.stats import norm
 from specimen import NOISES, draw_specimen
-from strength import Ground, ground, orthonormal
+from strength import Ground, ground
 
 Array = NDArray[np.float64]
 
@@ -61,8 +63,9 @@ def main() -> None:
     options = parser.parse_args()
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
         tyres = list(pool.map(partial(tyre, seed=options.seed), range(options.specimens)))
-    command = f"python scripts/withheld/programmes.py --specimens {options.specimens} --seed {options.seed}"
-    options.out.write_text("\n".join(page(tyres, command)) + "\n", encoding="utf-8")
+    command = f"`python scripts/withheld/programmes.py --specimens {options.specimens} --seed {options.seed}`"
+    made_by = f"{command}; Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
+    options.out.write_text("\n".join(page(tyres, made_by)) + "\n", encoding="utf-8")
 
 
 def tyre(number: int, seed: int) -> Tyre:
@@ -83,14 +86,14 @@ def tyre(number: int, seed: int) -> Tyre:
     return Tyre(place, {name: gap for name, gap in gaps.items() if np.isfinite(gap).all()})
 
 
-def page(tyres: Sequence[Tyre], command: str) -> Iterator[str]:
+def page(tyres: Sequence[Tyre], made_by: str) -> Iterator[str]:
     """Lines of the page."""
     yield from (
         "# What fixed programmes could tell apart",
         "",
         (__doc__ or "").partition("\n\n")[2].split("\n\n", 1)[1],
     )
-    yield from (f"Written by `{command}`.", "", "| tests | named alone at best |", "|---|---|")
+    yield from (f"Written by {made_by}.", "", "| tests | named alone at best |", "|---|---|")
     chosen: list[int] = []
     yield f"| the nine sines | {100 * alone(tyres, chosen):.1f} % |"
     for count in range(1, MOST + 1):
@@ -110,32 +113,18 @@ def _told(number: int) -> str:
 
 def alone(tyres: Sequence[Tyre], more: Sequence[int]) -> float:
     """Mean chance that a strong effect is named alone with these sines of the pool."""
-    chances = []
-    for one in tyres:
-        kept = _rows(one.place.tests, one.place.places, {f"more_{i}" for i in more})
-        chances += [chance(share * STRENGTHS).mean() for share in rivals(one, kept).values()]
-    return float(np.mean(chances))
+    shares = np.concatenate([rivals(one, {f"more_{i}" for i in more}) for one in tyres])
+    return float(np.mean(chance(shares[:, None] * STRENGTHS)))
 
 
-def _rows(tests: Sequence[RigTest], places: Sequence[slice], more: set[str]) -> NDArray[np.intp]:
-    wanted = [p for t, p in zip(tests, places, strict=True) if t.name in more or not t.name.startswith("more_")]
-    return np.concatenate([np.arange(p.start, p.stop) for p in wanted])
-
-
-def rivals(one: Tyre, kept: NDArray[np.intp]) -> dict[str, float]:
-    """Share of each effect's gap that its best rival, at its best shape, leaves on some rows."""
-    basis = orthonormal(one.place.jacobian[kept])
-
-    def beside(columns: Array) -> Array:
-        return columns - basis @ (basis.T @ columns)
-
-    directions = [(name, orthonormal(beside(c[kept]))) for name, grid in one.place.directions.items() for c in grid]
-    found = {}
-    for name, gap in one.gaps.items():
-        rest = beside(gap[kept])
-        taken = max(float(np.sum((own.T @ rest) ** 2)) for other, own in directions if other != name)
-        found[name] = 1 - taken / float(rest @ rest)
-    return found
+def rivals(one: Tyre, more: Set[str]) -> Array:
+    """Share of each effect's gap that its best rival leaves in the programme and some sines of the pool, (effects,)."""
+    kept = np.array([t.name in more or not t.name.startswith("more_") for t in one.place.tests])
+    place, rows = one.place.only(kept), one.place.rows(kept)
+    gaps = np.stack([gap[rows] for gap in one.gaps.values()], axis=1)
+    left = place.separations(gaps)
+    nearest = [min(v[k] for other, v in left.items() if other != name) for k, name in enumerate(one.gaps)]
+    return np.array(nearest) / [place.left(gap) for gap in gaps.T]
 
 
 def chance(left: Array) -> Array:

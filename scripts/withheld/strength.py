@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 from causes import LIBRARY, SINES, Cause, Drawn
@@ -64,17 +64,39 @@ class Ground:
 
     def left(self, gap: Array, *columns: Array) -> float:
         """Squared length of a gap (m,) beside the parameters and further columns."""
-        basis = orthonormal(np.concatenate([self.jacobian, *columns], axis=1))
+        basis = _basis(np.concatenate([self.jacobian, *columns], axis=1))
         return float(np.sum((gap - basis @ (basis.T @ gap)) ** 2))
 
     def separation(self, gap: Array) -> dict[str, float]:
         """What each library effect, at its best shape, leaves of a gap (m,)."""
-        rest, groups = self._beside_parameters(gap)
-        found: dict[str, float] = {}
+        return {name: float(left[0]) for name, left in self.separations(gap[:, None]).items()}
+
+    def separations(self, gaps: Array) -> dict[str, Array]:
+        """What each library effect, at its best shape, leaves of gaps (m, k): (k,) each."""
+        rest, groups = self._beside_parameters(gaps)
+        found: dict[str, Array] = {}
         for name, columns in groups:
-            own = orthonormal(columns)
-            found[name] = min(found.get(name, np.inf), float(np.sum((rest - own @ (own.T @ rest)) ** 2)))
+            own = _basis(columns)
+            left = np.sum((rest - own @ (own.T @ rest)) ** 2, axis=0)
+            found[name] = np.minimum(found.get(name, np.inf), left)
         return found
+
+    def rows(self, kept: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Rows of some of the tests, (tests,)."""
+        return np.concatenate([np.arange(place.start, place.stop) for place in compress(self.places, kept)])
+
+    def only(self, kept: NDArray[np.bool_]) -> Ground:
+        """The same with some of the tests, (tests,)."""
+        parts, rows = list(compress(self.places, kept)), self.rows(kept)
+        ends = np.cumsum([part.stop - part.start for part in parts])
+        return replace(
+            self,
+            tests=tuple(compress(self.tests, kept)),
+            clean=tuple(compress(self.clean, kept)),
+            places=tuple(slice(e - p.stop + p.start, e) for e, p in zip(ends, parts, strict=True)),
+            jacobian=self.jacobian[rows],
+            directions={name: tuple(c[rows] for c in grid) for name, grid in self.directions.items()},
+        )
 
     def next_pair(self, gap: Array, true: Collection[str]) -> float:
         """What the best pair of library effects but the ``true`` one, each at its best shape, leaves of a gap (m,)."""
@@ -93,8 +115,8 @@ class Ground:
         return float(gram[0, 0] - max(taken))
 
     def _beside_parameters(self, gap: Array) -> tuple[Array, list[tuple[str, Array]]]:
-        """A gap (m,), and the directions (m, q) of every effect at every shape, less what the parameters take up."""
-        basis = orthonormal(self.jacobian)
+        """Gaps (m,) or (m, k), and directions (m, q) of every effect and shape, less what the parameters take up."""
+        basis = _basis(self.jacobian)
         groups = [(name, columns) for name, grid in self.directions.items() for columns in grid]
         return gap - basis @ (basis.T @ gap), [(name, c - basis @ (basis.T @ c)) for name, c in groups]
 
@@ -240,7 +262,7 @@ def _length(test: RigTest) -> int:
     return len(test.time) - (round(test.rate / test.frequency) if test.frequency else 0)
 
 
-def orthonormal(columns: Array) -> Array:
+def _basis(columns: Array) -> Array:
     """Orthonormal basis of what columns (m, k) span."""
     lengths = np.linalg.norm(columns, axis=0)
     vectors, values, _ = np.linalg.svd(columns[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)

@@ -1,22 +1,30 @@
 """What tests could tell apart at best: from directions of known angles."""
 
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from programmes import Tyre, chance, rivals
+from rig_tests import sine
+from strength import Ground
 
 
 def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
     # the parameter lies along the first axis; beside it a and b stand at 30 degrees, c at right angles to both
     a, b, c = np.eye(4)[1], np.array([0, np.sqrt(3) / 2, 0.5, 0]), np.eye(4)[3]
-    place = SimpleNamespace(
-        jacobian=np.eye(4)[:, :1], directions={name: (v[:, None],) for name, v in (("a", a), ("b", b), ("c", c))}
+    place = Ground(
+        specimen={},
+        tests=tuple(replace(sine(1.0), name=name) for name in ("step", "sine", "more_0", "more_1")),
+        noise="white",
+        clean=tuple(np.zeros((4, 1))),
+        places=tuple(slice(i, i + 1) for i in range(4)),
+        jacobian=np.eye(4)[:, :1],
+        directions={name: (v[:, None],) for name, v in (("a", a), ("b", b), ("c", c))},
     )
     one = Tyre(place, {"a": 7 * a + 5 * np.eye(4)[0], "c": c})
-    assert rivals(one, np.arange(4)) == pytest.approx({"a": 0.25, "c": 1.0})
-    # without the row in which they differ nothing tells a from b
-    assert rivals(one, np.array([0, 1, 3]))["a"] == pytest.approx(0.0, abs=1e-12)
+    assert rivals(one, {"more_0", "more_1"}) == pytest.approx([0.25, 1.0])
+    # without the test in which they differ nothing tells a from b
+    assert rivals(one, {"more_1"}) == pytest.approx([0.0, 1.0], abs=1e-12)
 
 
 @pytest.mark.parametrize("left", [1.0, 9.0, 40.0])
