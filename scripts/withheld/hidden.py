@@ -152,11 +152,11 @@ def _pair(place: Ground, rng: np.random.Generator) -> list[tuple[Drawn, float]]:
 
 
 def _stands(case: Case, tests: Sequence[RigTest]) -> bool:
-    """Whether the carcass holds against the contact patch to the end of every step test."""
+    """Whether the carcass holds against the contact patch to the end of every test."""
     if not SOFTENING & case.knobs.keys():
         return True
     with np.errstate(over="ignore", invalid="ignore"):
-        forces = respond([(case, test) for test in tests if test.kind == "step"])
+        forces = respond([(case, test) for test in tests])
     return all(bool(np.isfinite(force).all()) for force in forces)
 
 

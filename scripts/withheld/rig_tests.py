@@ -1,4 +1,4 @@
-"""The test programme: the paper's Table 1, as the rig runs it."""
+"""The test programme: the paper's Table 1, as the rig runs it, and sines at large angles."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FREQUENCIES = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
+#: sines at large angles: frequency [Hz], amplitude [rad], speed [m/s]; how long, s
+LARGE = ((4.0, np.deg2rad(8.0), 10.0), (4.0, np.deg2rad(8.0), 60 / 3.6), (6.0, np.deg2rad(8.0), 10.0))
+LARGE_DURATION = 10.0
 SPEED, LOAD, WHEEL_RADIUS, DRUM_RADIUS = 60 / 3.6, 3600.0, 0.305, 0.61
 RATE, SLOW_RATE = 100.0, 20.0
 DELAY, RAMP = 0.5, np.deg2rad(40.0)
@@ -52,19 +55,26 @@ def sine(frequency: float, amplitude: float = np.deg2rad(2.0), **rest: float) ->
     return RigTest(label, "sine", min(20 / frequency, 20.0), amplitude, frequency, **rest)
 
 
-def programme(rng: np.random.Generator) -> tuple[RigTest, ...]:
-    """Three steps, one quasi-static test, nine sines.
+def large_sine(frequency: float, amplitude: float, speed: float) -> RigTest:
+    """A sine at a large angle, and maybe another speed."""
+    usual = sine(frequency, amplitude, speed=speed)
+    name = f"{usual.name}_{np.rad2deg(amplitude):.0f}deg_{3.6 * speed:.0f}kmh"
+    return replace(usual, name=name, duration=LARGE_DURATION)
+
+
+def programme(rng: np.random.Generator, large: bool = True) -> tuple[RigTest, ...]:
+    """Three steps, one quasi-static test, nine sines and with ``large`` three more at large angles.
 
     The sines are one day's campaign in random order, with pauses; their clock starts with the first of them. Steps and
     quasi-static test belong to another day and have no start time.
     """
     steps = [RigTest(f"step_{d}deg", "step", 60.0, np.deg2rad(d)) for d in (1, 2, 4)]
     slow = RigTest("quasi_static", "quasi_static", 4 * STROKE / STROKE_SPEED, STROKE, rate=SLOW_RATE)
-    sines, clock = {f: sine(f) for f in FREQUENCIES}, 0.0
-    for f in rng.permutation(FREQUENCIES):
-        sines[f] = replace(sines[f], start_time=round(clock, 2))
-        clock += sines[f].duration + rng.uniform(20, 60)
-    rolling = [replace(t, **phases(rng)) for t in (*steps, *sines.values())]
+    sines, clock = [sine(f) for f in FREQUENCIES] + [large_sine(*of) for of in LARGE if large], 0.0
+    for i in rng.permutation(len(sines)):
+        sines[i] = replace(sines[i], start_time=round(clock, 2))
+        clock += sines[i].duration + rng.uniform(20, 60)
+    rolling = [replace(t, **phases(rng)) for t in (*steps, *sines)]
     return (*rolling[:3], slow, *rolling[3:])
 
 

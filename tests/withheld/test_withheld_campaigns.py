@@ -51,7 +51,7 @@ def test_without_effect_the_model_is_right(tmp_path, number):
         index, settled = problem.tests.index(test.name), round(test.rate / test.frequency)
         here, fitted = (out[index][0][0, :, 0] for out in (at_truth, at_fit))
         # two integrators of the same equations, far below the 0.3 to 1 N to which noise lets a line be known
-        assert np.sqrt(np.mean((here - force)[settled:] ** 2)) < 0.06
+        assert np.sqrt(np.mean((here - force)[settled:] ** 2)) < (0.06 if test.amplitude < 0.1 else 0.15)
         measured = selected.select((test.name,)).measurements[0].outputs["lateral_force"]
         noise, left = (np.sqrt(np.mean((measured - x)[settled:] ** 2)) for x in (force, fitted))
         assert left == pytest.approx(noise, rel=0.03)
@@ -96,7 +96,7 @@ def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
     campaign = read_campaign(path)
     assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
     sines = [m.procedure for m in campaign.measurements if m.kind == "sine"]
-    assert len(sines) == 9
+    assert len(sines) == len({(p.frequency, p.amplitude, *p.conditions.items()) for p in sines}) == 12
     for procedure in sines:
         assert procedure.start_time is not None
         assert {"wheel_phase", "drum_phase", "drum_radius", "dynamic_rolling_radius"} <= set(procedure.conditions)
