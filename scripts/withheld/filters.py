@@ -1,4 +1,4 @@
-"""Filters of one signal on a uniform grid, exact where the signal is linear between its samples."""
+"""Filters of one signal on a uniform grid, between whose samples it is a cubic spline."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 Array = NDArray[np.float64]
 
+#: filters take the signal as linear between points no further apart than this, s
+FINE = 6e-4
+
 
 def rational(signal: Array, numerator: list[float], denominator: list[float], step: float) -> Array:
     """Output of a transfer function, settled at the first value of the signal (n,)."""
-    top, bottom, _ = cont2discrete((numerator, denominator), step, method="foh")
+    parts = int(np.ceil(step / FINE))
+    top, bottom, _ = cont2discrete((numerator, denominator), step / parts, method="foh")
     top, bottom = np.ravel(top), np.ravel(bottom)
     start = lfilter_zi(top, bottom) * signal[0]
-    return np.asarray(lfilter(top, bottom, signal, zi=start)[0])
+    count = len(signal)
+    fine = CubicSpline(np.arange(count), signal)(np.arange((count - 1) * parts + 1) / parts)
+    return np.asarray(lfilter(top, bottom, fine, zi=start)[0][::parts])
 
 
 def lag(signal: Array, time_constant: float, step: float) -> Array:

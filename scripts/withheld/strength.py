@@ -22,6 +22,7 @@ from causes import LIBRARY, SINES, Cause, Drawn
 from numpy.typing import NDArray
 from respond import Case, respond
 from rig_tests import RigTest
+from scipy.stats import norm
 from specimen import CENTRE, COLOUR, whitened
 
 Array = NDArray[np.float64]
@@ -209,6 +210,15 @@ def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
         before[test.name], after[test.name] = place.newtons(rest, t), place.newtons(left, t)
         squares += (np.array([before[test.name], after[test.name]]) / np.ptp(place.clean[t])) ** 2
     return {"before": before, "after": after, "share": float(1 - squares[1] / squares[0]) if squares[0] > 0 else None}
+
+
+def chance(left: Array, times: float) -> Array:
+    """Chance that a rival is so many times less probable at least, if it leaves this much of a gap's squared length.
+
+    The two are close: twice the difference of the log likelihoods is normal, its variance four times its mean.
+    """
+    left = np.maximum(left, 1e-9)
+    return np.asarray(norm.cdf((left - 2 * np.log(times)) / (2 * np.sqrt(left))))
 
 
 def _shift(jacobian: Array, gap: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 from shares import mean, share, spread, upper_bound
+from strength import chance
 
 #: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
@@ -18,6 +19,8 @@ STRONG, WEAK = 50.0, 16.0
 CLEAR = 50.0
 #: what the best other effect leaves of one (the best other pair of a pair) from which tests can surely tell it from all
 TOLD_APART = 40.0
+#: a rival that is so many times less probable is not named beside an effect
+ALIKE = 10.0
 
 CASES = ("none", "effect", "kin", "unknown", "pair")
 #: verdicts beside a single name
@@ -121,6 +124,7 @@ def figures(
         "next_tests_run": [sum(p.campaign in found for p in strong) for found in rounds[1:]],
         "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
         "strong_first_at_best": mean([first_at_best(p) for p in strong]),
+        "strong_alone_at_best": mean([float(chance(np.array(_next_best(p)), ALIKE)) for p in strong]),
         "weaker": _naming(weaker),
         "fainter": _naming([p for p in effects if p.score < WEAK]),
         "strong_in_truth": _naming([p for p in effects if p.strength >= STRONG]),

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from programmes import Tyre, chance, rivals
+from programmes import Tyre, rivals
 from rig_tests import sine
-from strength import Ground
+from strength import Ground, chance
 
 
 def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
@@ -27,12 +27,13 @@ def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
     assert rivals(one, {"more_1"}) == pytest.approx([0.0, 1.0], abs=1e-12)
 
 
+@pytest.mark.parametrize("times", [1, 10])
 @pytest.mark.parametrize("left", [1.0, 9.0, 40.0])
-def test_the_chance_is_that_of_noisy_data(left):
+def test_the_chance_is_that_of_noisy_data(left, times):
     # truth and rival are close unit directions; the gap is so long that the rival leaves this much of it
     rng, angle = np.random.default_rng(1), 0.05
     gap = np.array([np.sqrt(left) / np.sin(angle), 0.0])
     data = gap + rng.normal(size=(100_000, 2))
     rival = data @ [np.cos(angle), np.sin(angle)]
-    alone = data[:, 0] ** 2 - rival**2 > 2 * np.log(10)
-    assert chance(np.array([left]))[0] == pytest.approx(alone.mean(), abs=0.005)
+    named = data[:, 0] ** 2 - rival**2 > 2 * np.log(times)
+    assert chance(np.array([left]), times)[0] == pytest.approx(named.mean(), abs=0.005)
