@@ -82,11 +82,14 @@ def recalibrated(
 ) -> Cause:
     """The cause with the stages fitted anew, the effect having these values in their tests.
 
+    They start from what ``values`` say of their own parameters, or where they had ended; without effect they stay
+    there.
     Where an effect is so large that a stage's tests cannot be simulated or fitted with it, the cause stays as it is.
     """
     effect, size = cause.effect, np.array([values[name] for name in cause.effect.size])
     moved, carried = np.zeros(len(space)), np.zeros((len(space), len(effect.size)))
-    foreseen = cause.moved - cause.carried @ (size - cause.around)
+    neutral = all(values[name] == effect.neutral[name] for name in effect.size)
+    own = {parameter.name: values[parameter.name] for parameter in effect.parameters}
     for calibration in calibrations:
         stage = calibration.problem
         # effects that need the time or conditions of a test act on dynamic tests
@@ -94,12 +97,12 @@ def recalibrated(
             continue
         place = [space.index(name) for name in stage.space.names]
         known = space.subset(stage.space.names)
-        without = known.to_unit(list(calibration.values.values()))
-        start = known.from_unit(np.clip(without + foreseen[place], 0.0, 1.0))
-        found, slope = _refitted(calibration, effect, values, start, workshop)
+        ended = calibration.values
+        start = ended if neutral else {name: values.get(name, ended[name]) for name in ended}
+        found, slope = _refitted(calibration, effect, own, start, 0 if neutral else _ITERATIONS, workshop)
         # a stage that ran away may have left the logarithms' domain
         with np.errstate(invalid="ignore"):
-            moved[place] += known.to_unit(found) - without
+            moved[place] += known.to_unit(found) - known.to_unit(list(ended.values()))
             carried[place] += slope / known.slope(found)[:, None]
     if not (np.isfinite(moved).all() and np.isfinite(carried).all()):
         return cause
@@ -107,19 +110,24 @@ def recalibrated(
 
 
 def _refitted(
-    calibration: Calibration, effect: Effect, values: Mapping[str, float], start: Array, workshop: Workshop
+    calibration: Calibration,
+    effect: Effect,
+    own: Mapping[str, float],
+    start: Mapping[str, float],
+    iterations: int,
+    workshop: Workshop,
 ) -> tuple[Array, Array]:
-    """Estimates of a stage with the effect, (k,), and minus their derivative by the effect's size, (k, q).
+    """Estimates of a stage with the effect at its ``own`` values, (k,), and minus their derivative by its size, (k, q).
 
-    From a start (k,) near the minimum; nan where the normal equations have no solution.
+    From a start near the minimum; nan where the normal equations have no solution.
     """
     stage = calibration.problem
     free = (*stage.space.names, *effect.size)
     system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
-    here = {**stage.fixed, **dict(zip(stage.space.names, map(float, start), strict=True)), **effect.neutral, **values}
+    here = {**stage.fixed, **start, **own}
     count = len(stage.space)
     carried: Array = np.zeros((count, len(effect.size)))
-    for _ in range(_ITERATIONS if any(values[name] != effect.neutral[name] for name in effect.size) else 1):
+    for number in range(max(iterations, 1)):
         stored = simulator.sensitivities(np.array([[here[name] for name in system.parameters]]))
         normal, pull = np.zeros((count, count)), np.zeros((count, 1 + len(effect.size)))
         for drive, weight, (output, slopes) in zip(stage.drives, stage.noise.weights, stored, strict=True):
@@ -132,7 +140,7 @@ def _refitted(
         except np.linalg.LinAlgError:
             step = np.full_like(pull, np.nan)
         carried = np.asarray(step[:, 1:], dtype=np.float64)
-        if any(values[name] != effect.neutral[name] for name in effect.size):
+        if number < iterations:
             for name, change in zip(stage.space.names, step[:, 0], strict=True):
                 here[name] += float(change)
     return np.array([here[name] for name in stage.space.names]), carried

@@ -96,15 +96,18 @@ def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
 
 
 def _settled(found: Fitted) -> Fitted:
-    """Fitted with the stages looked at where its effects end, until that stands: a large effect bends what it moves."""
+    """Fitted with the stages looked at where its effects end, until that stands: a large effect bends what it moves.
+
+    Where it goes to and fro, the stages were never looked at where the effects ended: the worse of both ends counts.
+    """
+    before = found
     for _ in range(_ROUNDS):
         best = found.minimum.point[None]
-        again = fit(_recalibrated(found).at_steps_for(best), best)
-        stands = abs(again.minimum.value - found.minimum.value) < _STANDS
-        found = again
+        before, found = found, fit(_recalibrated(found).at_steps_for(best), best)
+        stands = abs(found.minimum.value - before.minimum.value) < _STANDS
         if stands or not any(cause.everywhere for cause in found.hypothesis.causes):
-            break
-    return found
+            return found
+    return max(before, found, key=lambda one: one.minimum.value)
 
 
 def _recalibrated(fitted: Fitted) -> Hypothesis:

@@ -109,6 +109,9 @@ def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_foreseen() 
     # looked at with the offset itself, the stage finds what it had found without one
     again = recalibrated(everywhere, {"alpha_0": offset}, space, with_, WORKSHOP)
     np.testing.assert_allclose(again.moved[place], -moved, rtol=1e-2)
+    # and with none, what it found: nothing is left of where it was looked at before
+    far = recalibrated(everywhere, {"alpha_0": 20 * offset}, space, with_, WORKSHOP)
+    assert not np.any(recalibrated(far, {"alpha_0": 0.0}, space, with_, WORKSHOP).moved)
     # steered past a right angle these tests cannot be fitted
     assert recalibrated(everywhere, {"alpha_0": np.pi / 2}, space, with_, WORKSHOP) is everywhere
 
