@@ -13,6 +13,8 @@ from mofit.report.page import Block, Figure, Section, Text
 from mofit.report.style import BASELINE, cluster_colour, image_of, legend_above, line_key, panels
 
 _CHANCE = 0.01
+#: width of a letter of a test's name, inches
+_LETTER = 0.07
 _NAMES = {
     "dc": "constant",
     "odd": "odd\nharmonics",
@@ -47,12 +49,14 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     classes = [name for name in _NAMES if any(spot["lines"] == name for spot in before["spots"])]
     largest = max((spot["gap"] for spot in before["spots"]), default=1.0) or 1.0
     shown = display_unit(unit, largest)
-    canvas, axes, _ = panels(2, 2, 0.27 * len(tests) + 0.2, margin=(1.15, 0.65, 0.1, 0.5), gap=(1.2, 0.5))
+    names = 0.25 + _LETTER * max(map(len, tests))
+    canvas, axes, _ = panels(2, 2, 0.27 * len(tests) + 0.2, margin=(names, 0.65, 0.1, 0.5), gap=(0.25, 0.5))
     for panel, source, title in zip(
         axes, (before, after), ("without effects", "with the best explanation"), strict=True
     ):
         _grid(panel, source["spots"], tests, classes, largest, shown.factor)
         panel.set_title(f"{title}: gap ({shown.name})")
+    axes[1].set_yticklabels([])
     return Figure(
         image_of(canvas),
         "Gap per test and class of lines, before and after",
@@ -70,7 +74,7 @@ def _grid(
         i, k = tests.index(spot["test"]), classes.index(spot["lines"])
         loud = (spot["p"] is not None) and spot["p"] * len(spots) < _CHANCE
         values[i, k] = spot["gap"]
-        dark = spot["gap"] > 0.6 * largest
+        dark = spot["gap"] > 0.45 * largest
         axes.text(
             k, i, number(factor * spot["gap"], 2), ha="center", va="center", fontsize=7.5,
             weight="bold" if loud else "normal", color="white" if dark else ("black" if loud else "#8c959f"),
