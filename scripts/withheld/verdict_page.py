@@ -22,7 +22,7 @@ def page(
     lines = [
         "# Withheld effects",
         "",
-        *([f"Made by {made_by}.", ""] if made_by else []),
+        *([f"Made by {made_by.rstrip('.')}.", ""] if made_by else []),
         "Campaigns of `scripts/withheld/generate.py`, diagnosed without their labels; labels opened by",
         "`scripts/withheld/score.py` alone. Shares have 95 % intervals (Clopper–Pearson). T: the statistic of the true",
         "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
