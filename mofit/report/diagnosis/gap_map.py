@@ -13,8 +13,8 @@ from mofit.report.page import Block, Figure, Section, Text
 from mofit.report.style import BASELINE, cluster_colour, image_of, legend_above, line_key, panels
 
 _CHANCE = 0.01
-#: width of a letter of a test's name, inches
-_LETTER = 0.07
+#: width of a letter of a test's name, inches; letters for which there is room beside the maps
+_LETTER, _LONGEST = 0.07, 40
 _NAMES = {
     "dc": "constant",
     "odd": "odd\nharmonics",
@@ -49,7 +49,7 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     classes = [name for name in _NAMES if any(spot["lines"] == name for spot in before["spots"])]
     largest = max((spot["gap"] for spot in before["spots"]), default=1.0) or 1.0
     shown = display_unit(unit, largest)
-    names = 0.25 + _LETTER * max(map(len, tests))
+    names = 0.25 + _LETTER * min(max(map(len, tests), default=0), _LONGEST)
     canvas, axes, _ = panels(2, 2, 0.27 * len(tests) + 0.2, margin=(names, 0.65, 0.1, 0.5), gap=(0.25, 0.5))
     for panel, source, title in zip(
         axes, (before, after), ("without effects", "with the best explanation"), strict=True
