@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FREQUENCIES = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
-#: sines at large angles: frequency [Hz], amplitude [rad], speed [m/s]; how long, s
-LARGE = ((4.0, np.deg2rad(8.0), 10.0), (4.0, np.deg2rad(8.0), 60 / 3.6), (6.0, np.deg2rad(8.0), 10.0))
-LARGE_DURATION = 10.0
 SPEED, LOAD, WHEEL_RADIUS, DRUM_RADIUS = 60 / 3.6, 3600.0, 0.305, 0.61
+#: sines at large angles: frequency [Hz], amplitude [rad], speed [m/s]; how long, s
+LARGE = ((4.0, np.deg2rad(8.0), 10.0), (4.0, np.deg2rad(8.0), SPEED), (6.0, np.deg2rad(8.0), 10.0))
+LARGE_DURATION = 10.0
 RATE, SLOW_RATE = 100.0, 20.0
 DELAY, RAMP = 0.5, np.deg2rad(40.0)
 STROKE, STROKE_SPEED = 0.02, 2e-3

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mofit.diagnosis import refit
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.refit import _holds
+from mofit.diagnosis.refit import _holds, _settled
 from mofit.refine import Minimum
 
 
@@ -41,3 +42,17 @@ def test_spread_of_slopes_of_all_sizes():
     fitted = Fitted(None, minimum, np.zeros(2), jacobian)
     # along (1, -1): one row of slope 1, and twice the box
     assert fitted.sd() == pytest.approx(np.full(2, 1 / np.sqrt(3)), rel=1e-5)
+
+
+@pytest.mark.parametrize(("values", "kept"), [([1.0, 5.0] * 6, 5.0), ([5.0, 1.0, 1.05, 9.0], 1.05)])
+def test_what_goes_to_and_fro_counts_by_its_worse_end(monkeypatch, values, kept):
+    # the stages' tests had the effect; every look at them gives the next of these minima
+    left = iter(values)
+
+    def look(*_):
+        minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
+        return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(causes=[SimpleNamespace(everywhere=True)]))
+
+    monkeypatch.setattr(refit, "fit", look)
+    monkeypatch.setattr(refit, "_recalibrated", lambda found: SimpleNamespace(at_steps_for=lambda best: None))
+    assert _settled(look()).minimum.value == kept
