@@ -1,6 +1,6 @@
 """How strong a hidden cause is, what could be mistaken for it, and how far a gap shrinks: from the truth alone.
 
-All is linear around the specimen, and shapes (times, exponents) stand on a coarse grid: a bound from above where an
+All is linear around the specimen, and shapes (times, exponents) stand on a grid: a bound from above where an
 effect may choose its shape. Rows are the sines' judged samples (after the first period) and the calibration
 tests, made white with the true noise; J holds their derivatives by the specimen's eight parameters, g the change that
 the cause makes, S_k that of a library effect.
@@ -33,8 +33,8 @@ _CHANGE = 1e-3
 #: share of the typical size at which the library's directions are taken
 _SHARE = 0.3
 _GRIDS = {
-    "tau_2": (0.01, 0.05, 0.25), "a_f": (0.15, 0.3, 0.5), "delta_d": (1e-3, 4e-3), "y_P": (1e-3, 3e-3, 1e-2),
-    "tau_t": (1.0, 4.0, 15.0),
+    "tau_2": (0.01, 0.02, 0.035, 0.06, 0.12, 0.25), "a_f": (0.15, 0.22, 0.3, 0.4, 0.5), "delta_d": (1e-3, 4e-3),
+    "y_P": (1e-3, 3e-3, 1e-2), "tau_t": (1.0, 4.0, 15.0),
 }  # fmt: skip
 
 
