@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from mofit.calibration import Calibration
 from mofit.diagnosis.workshop import Workshop
@@ -17,8 +20,8 @@ Array = NDArray[np.float64]
 
 #: Runge-Kutta steps per sample in the stages' tests, which are slow.
 _STEPS = 4
-#: Gauss-Newton iterations from where a stage's minimum with the effect is foreseen.
-_ITERATIONS = 4
+#: Most evaluations of a stage from where its minimum with the effect is foreseen.
+_EVALUATIONS = 30
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def recalibrated(
         known = space.subset(stage.space.names)
         ended = calibration.values
         start = ended if neutral else {name: values.get(name, ended[name]) for name in ended}
-        found, slope = _refitted(calibration, effect, own, start, 0 if neutral else _ITERATIONS, workshop)
+        found, slope = _refitted(calibration, effect, own, start, 0 if neutral else _EVALUATIONS, workshop)
         # a stage that ran away may have left the logarithms' domain
         with np.errstate(invalid="ignore"):
             moved[place] += known.to_unit(found) - known.to_unit(list(ended.values()))
@@ -114,33 +117,44 @@ def _refitted(
     effect: Effect,
     own: Mapping[str, float],
     start: Mapping[str, float],
-    iterations: int,
+    evaluations: int,
     workshop: Workshop,
 ) -> tuple[Array, Array]:
     """Estimates of a stage with the effect at its ``own`` values, (k,), and minus their derivative by its size, (k, q).
 
-    From a start near the minimum; nan where the normal equations have no solution.
+    From a start near the minimum; nan where it cannot be simulated or the derivatives are dependent.
     """
     stage = calibration.problem
-    free = (*stage.space.names, *effect.size)
-    system, simulator = workshop.simulator(with_effects(stage.model, effect), stage.drives, free, _STEPS)
-    here = {**stage.fixed, **start, **own}
-    count = len(stage.space)
-    carried: Array = np.zeros((count, len(effect.size)))
-    for number in range(max(iterations, 1)):
+    names = stage.space.names
+    system, simulator = workshop.simulator(
+        with_effects(stage.model, effect), stage.drives, (*names, *effect.size), _STEPS
+    )
+
+    @lru_cache(maxsize=1)
+    def rows(point: tuple[float, ...]) -> tuple[Array, Array]:
+        """White residual (m,) and minus its derivative by the stage's parameters and the size, (m, k + q)."""
+        here = {**stage.fixed, **own, **dict(zip(names, point, strict=True))}
         stored = simulator.sensitivities(np.array([[here[name] for name in system.parameters]]))
-        normal, pull = np.zeros((count, count)), np.zeros((count, 1 + len(effect.size)))
-        for drive, weight, (output, slopes) in zip(stage.drives, stage.noise.weights, stored, strict=True):
-            weighted = slopes[0, ..., :count] * (weight * drive.weights)[..., None]
-            gap = (drive.measured - output[0])[..., None]
-            normal += np.einsum("nyi,nyj->ij", slopes[0, ..., :count], weighted)
-            pull += np.einsum("nyi,nyj->ij", weighted, np.concatenate([gap, slopes[0, ..., count:]], axis=-1))
-        try:
-            step = np.linalg.solve(normal, pull)
-        except np.linalg.LinAlgError:
-            step = np.full_like(pull, np.nan)
-        carried = np.asarray(step[:, 1:], dtype=np.float64)
-        if number < iterations:
-            for name, change in zip(stage.space.names, step[:, 0], strict=True):
-                here[name] += float(change)
-    return np.array([here[name] for name in stage.space.names]), carried
+        residuals, slopes = [], []
+        for drive, weight, (output, slope) in zip(stage.drives, stage.noise.weights, stored, strict=True):
+            scale = np.sqrt(weight * drive.weights)
+            residuals.append((scale * (drive.measured - output[0])).ravel())
+            slopes.append((scale[..., None] * slope[0]).reshape(-1, slope.shape[-1]))
+        return np.concatenate(residuals), np.concatenate(slopes)
+
+    point = np.array([start[name] for name in names])
+    # trial steps may leave what can be simulated
+    with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", invalid="ignore"):
+        if evaluations:
+            point = least_squares(
+                lambda x: rows(tuple(x))[0],
+                point,
+                lambda x: -rows(tuple(x))[1][:, : len(names)],
+                x_scale="jac",
+                max_nfev=evaluations,
+            ).x
+        slopes = rows(tuple(point))[1]
+        carried, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
+        if rank == len(names):
+            return point, np.asarray(carried, dtype=np.float64)
+    return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
