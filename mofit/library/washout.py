@@ -38,9 +38,9 @@ def washout_states(effect: str, unit: str) -> tuple[Channel, ...]:
     return tuple(Channel(f"{effect}_washout_{k}", unit, f"stage {k} of a washout") for k in range(1, ORDER + 1))
 
 
-def base_time(s: Symbols) -> ca.SX:
-    """Time constant of a washout [s]: a quarter of a sampling interval, at least 1 ms."""
-    return ca.fmax(s.sample_interval / 4, _SHORTEST)
+def base_time(s: Symbols, share: float = 0.25) -> ca.SX:
+    """Time constant of a washout [s]: a share of the sampling interval, at least 1 ms."""
+    return ca.fmax(share * s.sample_interval, _SHORTEST)
 
 
 @dataclass(frozen=True)

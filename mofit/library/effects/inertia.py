@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 
+#: of the sampling interval: a tyre's acceleration jumps where the slip changes its sign, which a sample soon after shows
+_SHARE = 0.1
+
+
 class Inertia(Effect):
     r"""Force minus :math:`m \ddot y` (tyres: belt and tread move with the deflection), or plus (dampers: moved end).
 
@@ -31,5 +35,5 @@ class Inertia(Effect):
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Force with that of the mass."""
         rate = s.quantities.get("deflection_rate")
-        chain = Washout(s, self.states, s.velocity if rate is None else rate, base_time(s))
+        chain = Washout(s, self.states, s.velocity if rate is None else rate, base_time(s, _SHARE))
         return chain.applied(value + (1 if rate is None else -1) * s.m_b * derivative(chain))
