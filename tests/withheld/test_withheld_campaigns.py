@@ -85,10 +85,15 @@ def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
     _, simulator = Workshop().simulator(model, drives, free, 16)
     outputs = simulator.sensitivities(np.array([[true[name] for name in free]]))
     case = Case(specimen, {**cause.typical, **shape})
-    for name in ("sine_1_00Hz", "sine_2_50Hz", "sine_4_00Hz"):
+    for name, allowed in (
+        ("sine_1_00Hz", 0.5),
+        ("sine_2_50Hz", 0.5),
+        ("sine_4_00Hz", 0.5),
+        ("sine_6_00Hz_8deg_36kmh", 1.2),
+    ):
         (force,), test = respond([(case, tests[name])]), tests[name]
         here = outputs[problem.tests.index(name)][0][0, :, 0]
-        assert np.sqrt(np.mean((here - force)[round(test.rate / test.frequency) :] ** 2)) < 0.5
+        assert np.sqrt(np.mean((here - force)[round(test.rate / test.frequency) :] ** 2)) < allowed
 
 
 def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):

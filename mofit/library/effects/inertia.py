@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 
-#: of the sampling interval: a tyre's acceleration jumps where the slip changes its sign, which a sample soon after shows
+#: of the sampling interval: the acceleration of a tyre jumps where its slip changes sign, a sample soon after shows it
 _SHARE = 0.1
 
 
