@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 #: Runge-Kutta steps per sample in the stages' tests, which are slow.
 _STEPS = 4
-#: Most evaluations of a stage from where its minimum with the effect is foreseen.
+#: Most evaluations of a stage that is fitted anew with an effect.
 _EVALUATIONS = 30
 
 
@@ -86,8 +86,8 @@ def recalibrated(
     """The cause with the stages fitted anew, the effect having these values in their tests.
 
     They start from what ``values`` say of their own parameters, or where they had ended; without effect they stay
-    there.
-    Where an effect is so large that a stage's tests cannot be simulated or fitted with it, the cause stays as it is.
+    there. Where an effect is so large that a stage's tests cannot be simulated or fitted with it, the cause stays as it
+    is.
     """
     effect, size = cause.effect, np.array([values[name] for name in cause.effect.size])
     moved, carried = np.zeros(len(space)), np.zeros((len(space), len(effect.size)))

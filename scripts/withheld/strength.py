@@ -32,6 +32,7 @@ STEP, SETTLED = 1e-2, 4.0
 _CHANGE = 1e-3
 #: share of the typical size at which the library's directions are taken
 _SHARE = 0.3
+#: shapes at which a rival is tried: of times and exponents so many that its best is not missed by much
 _GRIDS = {
     "tau_2": (0.01, 0.02, 0.035, 0.06, 0.12, 0.25), "a_f": (0.15, 0.22, 0.3, 0.4, 0.5), "delta_d": (1e-3, 4e-3),
     "y_P": (1e-3, 3e-3, 1e-2), "tau_t": (1.0, 4.0, 15.0),

@@ -110,9 +110,8 @@ def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_foreseen() 
     again = recalibrated(everywhere, {"alpha_0": offset}, space, with_, WORKSHOP)
     np.testing.assert_allclose(again.moved[place], -moved, rtol=1e-2)
     # from afar, too
-    far = {"alpha_0": offset, "s_M": 4 * with_[0].values["s_M"]}
-    from_far = recalibrated(everywhere, far, space, with_, WORKSHOP)
-    np.testing.assert_allclose(from_far.moved, again.moved, atol=1e-6)
+    afar = {"alpha_0": offset, "s_M": 4 * with_[0].values["s_M"]}
+    np.testing.assert_allclose(recalibrated(everywhere, afar, space, with_, WORKSHOP).moved, again.moved, atol=1e-6)
     # and with none, what it found: nothing is left of where it was looked at before
     far = recalibrated(everywhere, {"alpha_0": 20 * offset}, space, with_, WORKSHOP)
     assert not np.any(recalibrated(far, {"alpha_0": 0.0}, space, with_, WORKSHOP).moved)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 
-#: of the sampling interval: the acceleration of a tyre jumps where its slip changes sign, a sample soon after shows it
+#: Share of the sampling interval for the washout: a tyre's acceleration jumps where the slip changes its sign, and a
+#: longer one smears the jump over the next sample.
 _SHARE = 0.1
 
 
