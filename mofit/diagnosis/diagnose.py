@@ -122,12 +122,13 @@ def diagnose(
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
     case, ignored = _investigate(observed, start, chosen, settings, thresholds, progress), 0.0
     if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
-        again = case.singly(thresholds.roughly)
+        roughly = thresholds.roughly(case.coarseness)
+        again = case.singly(roughly)
         if not again.leads(thresholds.coarse_lead):
             ignored = thresholds.resolution * case.before.relative
             rough = with_discrepancy(observed, ignored)
             here = case.found.baseline.minimum.point
-            again = _investigate(rough, here, chosen, settings, thresholds.roughly, progress)
+            again = _investigate(rough, here, chosen, settings, roughly, progress)
         case, ignored = (again, ignored) if again.leads(thresholds.coarse_lead) else (case, 0.0)
     found, conclusion, candidates = case.found, case.conclusion, case.candidates
     if ignored > 0 or found.best_left.p < thresholds.left:

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.lines import CLASSES, HARMONICS
+from mofit.diagnosis.lines import CLASSES, HARMONICS, SUBHARMONICS
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.projection import Projection, project
+from mofit.diagnosis.steady import highest_frequency
 
 Array = NDArray[np.float64]
 
@@ -77,11 +78,13 @@ def remaining(fitted: Fitted) -> Remaining:
     clues = [
         power_clue(name, residual, expected, observed, observed.of(name))
         for name in CLASSES
-        if name != "other" and observed.of(name).any()
+        if name not in ("subharmonic", "other") and observed.of(name).any()
     ]
+    clues += [power_clue(f"order {odd}/2", residual, expected, observed, rows) for odd, rows in half_orders(observed)]
     clues += smooth_clues(projection, observed)
     clues += [peak_clue(name, residual, observed, observed.of(name)) for name in ("rotating", "slow", "other")
               if observed.of(name).any()]  # fmt: skip
+    clues += frequency_clue(residual, observed)
     clues = sorted((clue for clue in clues if np.isfinite(clue.p)), key=lambda clue: clue.p)
     return Remaining(tuple(clues), min(1.0, clues[0].p * len(clues)) if clues else 1.0)
 
@@ -91,6 +94,37 @@ def power_clue(name: str, residual: Array, expected: Array, observed: Observed, 
     total, count = float(np.sum(residual[where] ** 2)), float(expected[where].sum())
     p = float(fisher.sf(total / count, count, _behind(observed, where * expected))) if count >= 0.5 else np.nan
     return Clue(name, total, count, p, _squares(residual, expected, observed, where))
+
+
+def half_orders(observed: Observed) -> Iterator[tuple[int, NDArray[np.bool_]]]:
+    """Odd multiples of half the excitation's frequency, and their rows (m,): one alone, all would drown."""
+    periods = np.array([w.periods for _, _, w in observed.parts])[observed.part]
+    multiple = 2 * np.round((2 * observed.line / np.maximum(periods, 1) - 1) / 2) + 1
+    for odd in range(1, 2 * SUBHARMONICS, 2):
+        where = observed.of("subharmonic") & (multiple == odd)
+        if where.any():
+            yield odd, where
+
+
+def frequency_clue(residual: Array, observed: Observed) -> Iterator[Clue]:
+    """Test of the frequency that stands out most in all tests together, whatever excites them: a hum, a gear.
+
+    Told harmonics do not count: on them models differ.
+    """
+    records = [w for _, _, w in observed.parts]
+    split = [observed.part == i for i in range(len(records))]
+    rest = ~observed.of("dc", "odd", "even")
+    kept = [
+        np.isin(np.arange(len(w.frequencies)), observed.line[own & rest]) for own, w in zip(split, records, strict=True)
+    ]
+    peak = highest_frequency(records, [residual[own] for own in split], kept)
+    if peak is None:
+        return
+    near = np.zeros(len(residual), dtype=bool)
+    for own, lines, mine in zip(split, peak.near(records), kept, strict=True):
+        near[own] = (lines & mine)[observed.line[own]]
+    squares = _squares(residual, np.ones(len(residual)), observed, near)
+    yield Clue("highest frequency", peak.power, peak.freedom, peak.chance, squares)
 
 
 def _squares(residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,29 +50,66 @@ def steady_lines(
         Per record, a subset of ``free``.
     """
     found = [np.zeros_like(part) for part in free]
+    for _ in range(_MOST):
+        highest = highest_frequency(records, rows, [here & ~there for here, there in zip(free, found, strict=True)])
+        if highest is None or highest.chance > _CHANCE:
+            break
+        for mine, here, near in zip(found, free, highest.near(records), strict=True):
+            mine |= near & here
+    return found
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The frequency that stands out most.
+
+    Parameters
+    ----------
+    frequency
+        In Hz.
+    power, freedom
+        Summed white power there, and its expectation of noise.
+    chance
+        Of so much, corrected for the number of frequencies looked at (Bonferroni).
+    """
+
+    frequency: float
+    power: float
+    freedom: float
+    chance: float
+
+    def near(self, records: Sequence[Whitening]) -> list[NDArray[np.bool_]]:
+        """Which lines of each record its leakage reaches: none of a record that does not repeat."""
+        return [
+            (np.abs(np.arange(w.count // 2 + 1) - self.frequency * w.count * w.step) < _NEAR) & (w.periods > 0)
+            for w in records
+        ]
+
+
+def highest_frequency(
+    records: Sequence[Whitening], rows: Sequence[Array], kept: Sequence[NDArray[np.bool_]]
+) -> Peak | None:
+    """The frequency at which some lines of all records that repeat have the least likely power; None without any.
+
+    Parameters as of `steady_lines`, with ``kept`` for ``free``.
+    """
     places = [i for i, w in enumerate(records) if w.periods]
     if not places:
-        return found
+        return None
     highest = min(records[i].frequencies[-1] for i in places)
     longest = max(records[i].count * records[i].step for i in places)
     grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
     freedom = np.array([float(np.median(records[i].process.freedom)) for i in places])
-    for _ in range(_MOST):
-        kept = [free[i] & ~found[i] for i in places]
-        power = np.array([_power_at(records[i], rows[i], k, grid) for i, k in zip(places, kept, strict=True)])
-        weight = np.array([_weight_at(records[i], k, grid) for i, k in zip(places, kept, strict=True)])
-        total = np.maximum(weight.sum(axis=0), _LEAST)
-        squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
-        behind = total**2 / np.maximum(np.sum(weight**2 / freedom[:, None], axis=0), _LEAST**2 / freedom.max())
-        chance = fisher.sf(power.sum(axis=0) / (2 * total), 2 * total**2 / squares, behind)
-        best = int(np.argmin(chance))
-        if chance[best] * len(grid) > _CHANCE:
-            break
-        for i in places:
-            w = records[i]
-            near = np.abs(np.arange(len(found[i])) - grid[best] * w.count * w.step) < _NEAR
-            found[i] |= near & free[i]
-    return found
+    power = np.array([_power_at(records[i], rows[i], kept[i], grid) for i in places]).sum(axis=0)
+    weight = np.array([_weight_at(records[i], kept[i], grid) for i in places])
+    total = np.maximum(weight.sum(axis=0), _LEAST)
+    squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
+    behind = total**2 / np.maximum(np.sum(weight**2 / freedom[:, None], axis=0), _LEAST**2 / freedom.max())
+    chance = fisher.sf(power / (2 * total), 2 * total**2 / squares, behind)
+    best = int(np.argmin(chance))
+    return Peak(
+        float(grid[best]), float(power[best]), float(2 * total[best]), min(1.0, float(chance[best] * len(grid)))
+    )
 
 
 def _power_at(w: Whitening, rows: Array, kept: NDArray[np.bool_], grid: Array) -> Array:

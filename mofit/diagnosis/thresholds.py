@@ -30,7 +30,8 @@ class Thresholds:
     resolution
         Then what is smaller than this share of the gap counts as noise;
     coarse_share
-        and the one effect that does best is named if it leaves no more than this share of the gap's squares,
+        and the one effect that does best is named if it leaves no more than this share of the gap's squares (and no
+        more than the gap's share of the peak: the finer the gap, the more must be explained),
     coarse_lead
         any other leaving this many times as much.
     alike
@@ -72,7 +73,7 @@ class Thresholds:
     contender: float = 60.0
     most_effects: int = 3
 
-    @property
-    def roughly(self) -> Thresholds:
-        """For a coarse gap: one effect, and a remainder let pass."""
-        return replace(self, most_effects=1, left_share=self.coarse_share, left_share_of_several=self.coarse_share)
+    def roughly(self, coarseness: float) -> Thresholds:
+        """For a coarse gap, this share of the output's peak: one effect, and a remainder let pass."""
+        share = min(self.coarse_share, coarseness)
+        return replace(self, most_effects=1, left_share=share, left_share_of_several=share)

@@ -56,3 +56,16 @@ def test_a_pattern_without_power_is_told_as_one():
     assert concluded.sentence == (
         "None of the known effects explains the gap; the nearest, payne, leaves a pattern of little power."
     )
+
+
+@pytest.mark.parametrize(
+    ("coarseness", "share", "said"),
+    [(0.03, 0.08, "unknown"), (0.06, 0.03, "effect"), (0.5, 0.3, "effect"), (0.9, 0.5, "unknown")],
+)
+def test_the_finer_a_coarse_gap_is_the_more_of_it_must_be_explained(coarseness, share, said):
+    best = SimpleNamespace(effects=("dry_friction",), criterion=0.0)
+    gap = left(1e-30, 800.0, 200.0)
+    rest = left(1e-9, 1000 * share, 0)
+    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=gap, best_left=rest)
+    roughly = Thresholds().roughly(coarseness)
+    assert verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), roughly).verdict == said

@@ -52,6 +52,32 @@ def test_a_gap_spread_thinly_over_many_harmonics_is_seen_in_all_together() -> No
     assert first.p < 1e-3 * second.p
 
 
+def everywhere(fitted, signal):
+    """The fitted damper with a signal, of time [s] and frequency [Hz], added to every test's residual."""
+    observed = fitted.hypothesis.observed
+    rows = np.zeros(len(fitted.residual))
+    for place, (_, _, w) in enumerate(observed.parts):
+        added = signal(np.arange(w.count) * w.step, 1 / w.period)
+        rows[: len(observed.measured)][observed.part == place] = w.rows(np.pad(added, (w.start, 0))[:, None])[:, 0]
+    return replace(fitted, residual=fitted.residual + rows)
+
+
+@pytest.mark.parametrize(
+    ("signal", "clue"),
+    [
+        (lambda time, _: 0.3 * NOISE * np.cos(2 * np.pi * 23.02 * time), "highest frequency"),
+        (lambda time, frequency: 0.3 * NOISE * np.cos(np.pi * frequency * time), "order 1/2"),
+    ],
+)
+def test_what_is_too_faint_for_a_single_test_is_seen_in_all_together(signal, clue) -> None:
+    fitted = damper_fit()
+    found = remaining(everywhere(fitted, signal))
+    assert found.clues[0].name == clue
+    assert found.p < 1e-3
+    # nothing else tells it
+    assert len(found.clues) * found.clues[1].p > 1e-3
+
+
 def test_the_gap_is_measured_in_newtons() -> None:
     where = locate(planted(5 * NOISE, 6.0))
     (spot,) = [spot for spot, loud in zip(where.spots, significant(where, 0.01), strict=True) if loud]
