@@ -134,8 +134,10 @@ class Hypothesis:
         residual, jacobian = found.residual, found.jacobian
         value = 0.5 * np.einsum("km,km->k", residual, residual)
         turned = jacobian.transpose(0, 2, 1)
-        gradient = (turned @ np.nan_to_num(residual)[..., None])[..., 0]
-        return value, gradient, turned @ jacobian
+        # slopes near their limit overflow when squared: such a point counts as one that cannot be simulated
+        with np.errstate(over="ignore", invalid="ignore"):
+            gradient = (turned @ np.nan_to_num(residual)[..., None])[..., 0]
+            return value, gradient, turned @ jacobian
 
     def with_steps(self, steps: int) -> Hypothesis:
         """The hypothesis with so many integration steps per sampling interval."""

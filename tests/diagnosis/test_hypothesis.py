@@ -84,6 +84,16 @@ def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
     assert np.isfinite(hessian).all()
 
 
+def test_slopes_too_large_to_square_make_a_point_unusable_without_a_word(monkeypatch) -> None:
+    model = damper_fit().hypothesis
+    point = damper_fit().minimum.point[None]
+    usual = model.linear(point)
+    monkeypatch.setattr(Hypothesis, "linear", lambda self, u: replace(usual, jacobian=1e200 * usual.jacobian))
+    value, _, hessian = model.evaluate(point)
+    assert np.isfinite(value).all()
+    assert not np.isfinite(hessian).all()
+
+
 def calibration_campaign(offset: float):
     effects = (plans.EffectPlan(name="slip_offset", parameters={"alpha_0": offset}),) if offset else ()
     steps = [plans.TestPlan(name=f"step{a}", kind="step", sample_rate=50.0, amplitude=a, ramp_rate=1.0, duration=6.0)
