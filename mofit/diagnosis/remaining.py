@@ -97,7 +97,7 @@ def power_clue(name: str, residual: Array, expected: Array, observed: Observed, 
 
 
 def half_orders(observed: Observed) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """Odd multiples of half the excitation's frequency, and their rows (m,): one alone, all would drown."""
+    """Odd multiples of half the excitation's frequency, and their rows (m,): in a sum over all, one would drown."""
     periods = np.array([w.periods for _, _, w in observed.parts])[observed.part]
     multiple = 2 * np.round((2 * observed.line / np.maximum(periods, 1) - 1) / 2) + 1
     for odd in range(1, 2 * SUBHARMONICS, 2):
@@ -109,7 +109,7 @@ def half_orders(observed: Observed) -> Iterator[tuple[int, NDArray[np.bool_]]]:
 def frequency_clue(residual: Array, observed: Observed) -> Iterator[Clue]:
     """Test of the frequency that stands out most in all tests together, whatever excites them: a hum, a gear.
 
-    Told harmonics do not count: on them models differ.
+    Constant and told harmonics do not count: there a model that is wrong leaves something in every test.
     """
     records = [w for _, _, w in observed.parts]
     split = [observed.part == i for i in range(len(records))]

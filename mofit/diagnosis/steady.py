@@ -28,12 +28,7 @@ _REACH = 8
 def steady_lines(
     records: Sequence[Whitening], rows: Sequence[Array], free: Sequence[NDArray[np.bool_]]
 ) -> list[NDArray[np.bool_]]:
-    r"""Which lines of each record belong to a frequency that stands out of the noise in all records together.
-
-    At every frequency the white power of the records that repeat is summed. The spectra are interpolated
-    (zero-padding), so that a frequency between two lines is seen as well; of noise, record t then has the power
-    :math:`2 w_t(f)` there, where :math:`w_t` is 1 far from lines that are not free, and 0 on them. Without a line the
-    sum is about :math:`\chi^2_\nu`, with :math:`\nu = 2 (\sum w_t)^2 / \sum w_t^2`; the noise being estimated, F.
+    """Which lines of each record belong to a frequency that stands out of the noise in all records together.
 
     Parameters
     ----------
@@ -89,7 +84,12 @@ class Peak:
 def highest_frequency(
     records: Sequence[Whitening], rows: Sequence[Array], kept: Sequence[NDArray[np.bool_]]
 ) -> Peak | None:
-    """The frequency at which some lines of all records that repeat have the least likely power; None without any.
+    r"""The frequency at which some lines of all records that repeat have the least likely power; None without any.
+
+    At every frequency the white power of the records that repeat is summed. The spectra are interpolated
+    (zero-padding), so that a frequency between two lines is seen as well; of noise, record t then has the power
+    :math:`2 w_t(f)` there, where :math:`w_t` is 1 far from lines that are not kept, and 0 on them. Without a line the
+    sum is about :math:`\chi^2_\nu`, with :math:`\nu = 2 (\sum w_t)^2 / \sum w_t^2`; the noise being estimated, F.
 
     Parameters as of `steady_lines`, with ``kept`` for ``free``.
     """

@@ -24,6 +24,16 @@ def planted(per_line: float, frequency: float, test: int = 2):
     return replace(fitted, residual=fitted.residual + rows)
 
 
+def everywhere(fitted, signal):
+    """The fitted damper with a signal, of time [s] and frequency [Hz], added to every test's residual."""
+    observed = fitted.hypothesis.observed
+    rows = np.zeros(len(fitted.residual))
+    for place, (_, _, w) in enumerate(observed.parts):
+        added = signal(np.arange(w.count) * w.step, 1 / w.period)
+        rows[: len(observed.measured)][observed.part == place] = w.rows(np.pad(added, (w.start, 0))[:, None])[:, 0]
+    return replace(fitted, residual=fitted.residual + rows)
+
+
 def test_nothing_is_left_where_nothing_is_missing() -> None:
     for seed in (1, 2, 3):
         assert remaining(damper_fit(seed=seed)).p > 0.01
@@ -39,27 +49,15 @@ def test_a_planted_line_is_found_in_its_class(frequency: float, clue: str) -> No
 
 def test_a_gap_spread_thinly_over_many_harmonics_is_seen_in_all_together() -> None:
     """A pulse at one place of every stroke: a tenth of the noise on each harmonic."""
-    fitted = damper_fit()
-    observed = fitted.hypothesis.observed
-    rows = np.zeros(len(fitted.residual))
-    for place, (_, _, w) in enumerate(observed.parts):
-        turn = 2 * np.pi * np.arange(w.count) * w.step / w.period
-        pulse = 0.1 * NOISE * sum(np.cos(h * turn) for h in range(1, 11))
-        rows[: len(observed.measured)][observed.part == place] = w.rows(np.pad(pulse, (w.start, 0))[:, None])[:, 0]
-    found = remaining(replace(fitted, residual=fitted.residual + rows))
+    found = remaining(
+        everywhere(
+            damper_fit(),
+            lambda time, frequency: 0.1 * NOISE * sum(np.cos(2 * np.pi * h * frequency * time) for h in range(1, 11)),
+        )
+    )
     first, second, *_ = found.clues
     assert first.name == "harmonics together"
     assert first.p < 1e-3 * second.p
-
-
-def everywhere(fitted, signal):
-    """The fitted damper with a signal, of time [s] and frequency [Hz], added to every test's residual."""
-    observed = fitted.hypothesis.observed
-    rows = np.zeros(len(fitted.residual))
-    for place, (_, _, w) in enumerate(observed.parts):
-        added = signal(np.arange(w.count) * w.step, 1 / w.period)
-        rows[: len(observed.measured)][observed.part == place] = w.rows(np.pad(added, (w.start, 0))[:, None])[:, 0]
-    return replace(fitted, residual=fitted.residual + rows)
 
 
 @pytest.mark.parametrize(
@@ -70,8 +68,7 @@ def everywhere(fitted, signal):
     ],
 )
 def test_what_is_too_faint_for_a_single_test_is_seen_in_all_together(signal, clue) -> None:
-    fitted = damper_fit()
-    found = remaining(everywhere(fitted, signal))
+    found = remaining(everywhere(damper_fit(), signal))
     assert found.clues[0].name == clue
     assert found.p < 1e-3
     # nothing else tells it
