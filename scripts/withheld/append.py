@@ -22,7 +22,7 @@ import netCDF4
 from campaign_writer import extend_file
 from hidden import case_of, slot_of
 from respond import respond
-from rig_tests import RAMP, SPEED, RigTest, phases
+from rig_tests import RAMP, RATE, SPEED, RigTest, phases
 from sealed import unseal
 from specimen import add_noise
 from tally import Pairing, advises
@@ -60,7 +60,7 @@ def append_test(source: Path, entry: Mapping[str, Any], spec: Mapping[str, Any],
         Its label.
     spec
         ``kind`` (sine or step), ``amplitude`` [rad], ``frequency`` [Hz], ``duration`` [s]; ``conditions`` may hold
-        ``longitudinal_velocity`` [m/s].
+        ``longitudinal_velocity`` [m/s], and ``rate`` [Hz] is that of the samples, if not the usual one.
     path
         File to write.
 
@@ -100,7 +100,8 @@ def advised(spec: Mapping[str, Any], start: float, name: str = "next") -> RigTes
     frequency = float(spec["frequency"])
     # whole periods
     duration = max(round(duration * frequency), 2) / frequency
-    return RigTest(f"sine_{name}", "sine", duration, amplitude, frequency, speed=speed, start_time=round(start, 2))
+    rate = float(spec.get("rate") or RATE)
+    return RigTest(f"sine_{name}", "sine", duration, amplitude, frequency, rate, speed, round(start, 2))
 
 
 if __name__ == "__main__":

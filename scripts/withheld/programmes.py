@@ -6,8 +6,8 @@
 From the truth alone, and linear (`strength`): an effect of strength S, drawn from 50 to 2,000 on a log scale, is named
 first where its best rival is less probable, and alone where it is less than a tenth as probable. That rival leaves a
 share r of the effect's gap; twice the difference of the log likelihoods is normal with mean r S and variance 4 r S, and
-must exceed 0, and 2 ln 10. Tried are the paper's nine sines, with each sine of a pool besides, of 10 s all, and with
-the best two, three and four, one added to the other.
+must exceed 0, and 2 ln 10. Tried are the paper's nine sines, with each sine of a pool besides, and with the best two,
+three and four, one added to the other; of 10 s each, sampled at 100 Hz, those of 16 and 20 Hz of 5 s, at 400 Hz.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 from causes import LIBRARY, draw_cause
 from numpy.typing import NDArray
-from rig_tests import LARGE, LARGE_DURATION, SPEED, phases, programme, sine
+from rig_tests import MORE, SPEED, further_sine, phases, programme
 from specimen import NOISES, draw_specimen
 from strength import Ground, chance, ground
 
@@ -41,6 +41,7 @@ POOL = (
     *((f, a, SLOW) for f, a in ((2, 2), (6, 2), (2, 6), (4, 6), (6, 6), (2, 8), (4, 8), (6, 8))),
     *((f, a, LOW) for f, a in ((0.5, 2), (2, 2), (6, 2), (2, 6))),
     *((f, a, FAST) for f, a in ((2, 6), (4, 6))),
+    *((f, 2, v) for f in (16, 20) for v in (SPEED, FAST)),
 )
 MOST = 4
 STRENGTHS = np.geomspace(50, 2000, 25)
@@ -74,13 +75,13 @@ def main() -> None:
 def tyre(number: int, seed: int) -> Tyre:
     """A specimen in the programme and in every sine of the pool."""
     rng = np.random.default_rng([seed, number])
-    specimen, tests = draw_specimen(rng), list(programme(rng, large=False))
+    specimen, tests = draw_specimen(rng), list(programme(rng, more=False))
     clock = max(t.start_time + t.duration for t in tests if t.start_time is not None)
     for i, (frequency, amplitude, speed) in enumerate(POOL):
         clock += 30
-        more = sine(float(frequency), float(np.deg2rad(amplitude)), speed=speed, start_time=clock, **phases(rng))
-        tests.append(replace(more, name=f"more_{i}", duration=LARGE_DURATION))
-        clock += LARGE_DURATION
+        more = further_sine(float(frequency), float(amplitude), speed)
+        tests.append(replace(more, name=f"more_{i}", start_time=clock, **phases(rng)))
+        clock += more.duration
     place = ground(specimen, tests, NOISES[number % len(NOISES)])
     drawn = [draw_cause(cause, rng) for cause in LIBRARY]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -106,7 +107,7 @@ def page(tyres: Sequence[Tyre], made_by: str) -> Iterator[str]:
             yield f"| … and {_told(i)} | {_percent(found[i])} |"
         chosen.append(best)
         yield f"| **the best {count} more**: {'; '.join(map(_told, chosen))} | {_percent(found[best])} |"
-    own = [POOL.index((f, round(np.rad2deg(a)), v)) for f, a, v in LARGE]
+    own = [POOL.index(of) for of in MORE]
     yield f"| **the campaigns' own**: {'; '.join(map(_told, own))} | {_percent(chances(tyres, own))} |"
     yield f"| all {len(POOL)} more | {_percent(chances(tyres, range(len(POOL))))} |"
 

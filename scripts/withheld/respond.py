@@ -12,7 +12,7 @@ from force_side import transduced
 from integrate import integrate
 from knobs import BEHIND, DEFAULT
 from numpy.typing import NDArray
-from rig_tests import DRUM_RADIUS, RigTest
+from rig_tests import DRUM_RADIUS, RATE, RigTest
 
 Array = NDArray[np.float64]
 
@@ -43,8 +43,8 @@ class Case:
 def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[Array]:
     """Force [N] of each test at its samples, without noise.
 
-    ``step`` is that of the integration of sines in s; friction, which is stiff, and a mass, whose force is a
-    derivative, get a quarter of it.
+    ``step`` is that of the integration of sines in s; a sine that is sampled faster gets half of it; friction, which is
+    stiff, and a mass, whose force is a derivative, get a quarter of that.
     """
     result: list[Array] = [np.empty(0)] * len(jobs)
     values = [case.values(test.kind) for case, test in jobs]
@@ -64,14 +64,15 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
         extra = any(v[name] for name in ("k_c", "k_a", "c_P", "k_bump", "d_2"))
         coupled = bool(v["kappa_s"] or v["kappa_z"])
         groups.setdefault((test.kind, test.rate, extra, states, coupled, finer), []).append(members)
-    for (kind, *_, coupled, finer), lanes in groups.items():
+    for (kind, sampling, *_, coupled, finer), lanes in groups.items():
         # tests of like length side by side; the shorter ones run on, unheeded
         lanes.sort(key=lambda members: -jobs[members[0]][1].duration)
         for start in range(0, len(lanes), LANES):
             part = lanes[start : start + LANES]
             first = [members[0] for members in part]
             # of a step test only the settled half counts
-            fine = (max(step, COARSE) if kind == "step" else step) / (4 if finer else 1)
+            fine = max(step, COARSE) if kind == "step" else step if sampling == RATE else step / 2
+            fine /= 4 if finer else 1
             force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
             for lane, members in enumerate(part):
                 for i in members:
@@ -92,7 +93,7 @@ def _standing(test: RigTest, v: Mapping[str, float]) -> Array:
 
 def _rolling(tests: list[RigTest], values: list[dict[str, float]], step: float, coupled: bool) -> tuple[Array, ...]:
     """Force, rate (n, lanes) and time (n,); tests of one kind and rate, the longest first, one lane each."""
-    per_sample = round(1 / tests[0].rate / step)
+    per_sample = max(round(1 / tests[0].rate / step), 1)
     step = 1 / tests[0].rate / per_sample
     count = len(tests[0].time) * per_sample
     time = step / 2 * np.arange(2 * count + 1)

@@ -14,7 +14,7 @@ from generate import main, make
 from hidden import Slot, case_of, label, setting, slots
 from integrate import fractional_parts
 from respond import Case, respond
-from rig_tests import FREQUENCIES, LARGE, programme, sine
+from rig_tests import FREQUENCIES, MORE, programme, sine
 from scipy.special import gamma
 from sealed import seal, unseal
 from specimen import CENTRE, NOISES, add_noise, draw_specimen, whitened
@@ -321,7 +321,7 @@ def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
     with netCDF4.Dataset(files[0]) as file:
         assert {g.procedure for g in file.groups.values()} == {"step", "quasi_static", "sine"}
         sines = [g for g in file.groups.values() if g.procedure == "sine"]
-        assert sorted(g.frequency for g in sines) == sorted((*FREQUENCIES, *(of[0] for of in LARGE)))
+        assert sorted(g.frequency for g in sines) == sorted((*FREQUENCIES, *(of[0] for of in MORE)))
         assert max(g.amplitude for g in sines) == pytest.approx(np.deg2rad(8))
         starts = [g.start_time for g in sines]
         assert starts != sorted(starts)
