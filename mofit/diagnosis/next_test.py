@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from mofit.campaign import Measurement, Procedure
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.refit import Explanation
 from mofit.diagnosis.verdict import weights
+from mofit.diagnosis.whitening import Whitening
 from mofit.drives import first_input, to_drive
 from mofit.kernel import Drive
 from mofit.model import Model, with_effects
@@ -26,13 +28,21 @@ _SECONDS, _LONGEST = 20.0, 240.0
 #: Periods at the start that are not judged.
 _SETTLING = 1.0
 #: Factors on the largest frequency, on the usual amplitude, and on the usual speed of the campaign that are tried.
-_FREQUENCIES, _AMPLITUDES, _SPEEDS = (0.125, 0.5, 1.0, 1.5, 2.0), (0.5, 1.0, 2.0, 3.0), (1 / 3, 1.0)
-#: Noncentrality from which a test separates surely: with 40 the criteria differ by 4.6 in more than 97 of 100 cases,
-#: and what is foreseen from an effect of score 50 is uncertain by a third of it and more.
-SEPARATES = 100.0
+_FREQUENCIES, _AMPLITUDES = (0.125, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0), (0.5, 1.0, 2.0, 3.0)
+_SPEEDS = (1 / 3, 1.0, 1.5)
+#: Factors on the sampling rate; what needs a higher one than usual is tried up to the usual amplitude.
+_RATES = (1, 2, 4)
 #: Samples per period that a sampling rate must give: with 12 the third harmonic of a delayed force is off by 1 %, which
 #: a quiet rig sees.
 _FEWEST_SAMPLES = 16
+#: Part of the noncentrality that is counted on: it is linear, and foreseen with a size that is itself uncertain.
+_COUNTED = 0.5
+#: Times less probable that a rival is to become.
+_ODDS = 10.0
+#: Chance to part explanations from which a test does so surely, and the one that it is made long enough for.
+_SURE, _AIM = 0.98, 0.99
+#: Chance from which a test is advised all the same.
+_WORTH = 0.5
 _STEPS = 8
 #: Multiple of the largest measured output past which an answer has run away.
 _WILD = 100.0
@@ -44,14 +54,17 @@ class NextTest:
 
     Parameters
     ----------
-    kind, frequency, amplitude, duration, conditions
-        The procedure: a sine in Hz, in the input's unit, and in s; conditions that differ from the campaign's.
+    kind, frequency, amplitude, duration, rate, conditions
+        The procedure: a sine in Hz, in the input's unit, in s, with samples in Hz; conditions that differ from the
+        campaign's.
     separation
         Smallest noncentrality over all pairs, with this test added to those there are.
+    chance
+        That one explanation alone is left, all others ten times less probable: expected from how probable they are.
     resolves
-        Whether that is enough.
+        Whether that is sure enough, 0.98.
     parts
-        Pairs of explanations that are separated surely, each by the names of its effects.
+        Pairs of explanations that are separated so surely, each by the names of its effects.
     sentence
         In words.
     """
@@ -60,58 +73,73 @@ class NextTest:
     frequency: float
     amplitude: float
     duration: float
+    rate: float
     conditions: Mapping[str, float]
     separation: float
+    chance: float
     resolves: bool
     parts: tuple[tuple[str, str], ...]
     sentence: str
 
 
 def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | None:
-    """The sine that separates alike explanations best; None if there is nothing to separate or no sine to vary.
+    """The sine that leaves the fewest of alike explanations; None if there is nothing to part or no sine to vary.
 
-    Where no sine separates all of them, the one that separates most, by how probable they are: others may follow it.
+    How probable they are now counts; another may follow where one test is not enough.
     """
     usual = _usual(observed)
-    pairs = [pair for pair in combinations(range(len(alike)), 2) if alike[pair[0]].effects != alike[pair[1]].effects]
-    if not pairs or usual is None:
+    if len({explanation.effects for explanation in alike}) < 2 or usual is None:
         return None
     procedures = list(_procedures(observed, usual))
-    answers, noise = [_answers(observed, explanation.fitted, procedures) for explanation in alike], _noise(observed)
-    # per pair and procedure, over the seconds tried
-    separations = np.array(
-        [np.minimum(*(_separations(answers, alike, one, noise) for one in (pair, pair[::-1]))) for pair in pairs]
-    )
+    answers = [_answers(observed, explanation.fitted, procedures) for explanation in alike]
+    gained = np.array([_gained(observed, alike, each, one) for *each, one in zip(*answers, procedures, strict=True)])
     likely = weights(alike)
-    best = _best(separations, np.array([likely[first] * likely[second] for first, second in pairs]))
-    procedure, here = procedures[best], separations[:, best]
-    needed = _SECONDS * SEPARATES / np.maximum(here, 1e-9)
-    within = needed[needed <= _LONGEST]
-    # rounded up to whole tens of seconds
-    seconds = float(np.clip(np.ceil(0.1 * within.max()) * 10, _SECONDS, _LONGEST)) if len(within) else _LONGEST
-    here = here * seconds / _SECONDS
+    # no more samples at a high rate
+    longest = _LONGEST * np.array([procedure.step / usual.step for procedure in procedures])
+    best = int(np.argmax(likely @ ruled_out(longest[:, None, None] * gained, likely).sum(axis=-1).T))
+    procedure, lengths = procedures[best], np.arange(_SECONDS, longest[best] + 1, 10.0)
+    alone = ruled_out(lengths[:, None, None] * gained[best], likely).prod(axis=-1) @ likely
+    chosen = int(np.argmax(alone >= _AIM)) if alone[-1] >= _AIM else -1
+    seconds, chance, here = float(lengths[chosen]), float(alone[chosen]), lengths[chosen] * gained[best]
     names = [" with ".join(explanation.effects) for explanation in alike]
-    parts = tuple((names[i], names[j]) for (i, j), value in zip(pairs, here, strict=True) if value >= SEPARATES)
+    pairs = ruled_out(here, likely) * likely[:, None]
+    different = [(i, j) for i, j in combinations(range(len(alike)), 2) if names[i] != names[j]]
+    parted = [(i, j) for i, j in different if pairs[i, j] + pairs[j, i] >= _SURE * (likely[i] + likely[j])]
     conditions = {name: value for name, value in procedure.conditions.items() if value != usual.conditions.get(name)}
+    rate = round(1 / procedure.step, 6)
+    what = _what(observed, procedure, conditions, seconds, None if procedure.step == usual.step else rate)
     return NextTest(
         kind="sine",
         frequency=float(procedure.frequency or 0),
         amplitude=float(procedure.amplitude or 0),
         duration=seconds,
+        rate=rate,
         conditions=conditions,
         separation=float(here.min()),
-        resolves=len(parts) == len(pairs),
-        parts=parts,
-        sentence=_sentence(observed, procedure, conditions, seconds, (len(parts), len(pairs)), names),
+        chance=chance,
+        resolves=chance >= _SURE,
+        parts=tuple((names[i], names[j]) for i, j in parted),
+        sentence=_sentence(what, chance, (len(parted), len(different)), names),
     )
 
 
-def _best(separations: Array, weight: Array) -> int:
-    """Index of the procedure for separations (pairs, procedures), with a weight (pairs,) for each pair."""
-    smallest, enough = separations.min(axis=0), SEPARATES * _SECONDS / _LONGEST
-    if smallest.max() >= enough:
-        return int(np.argmax(smallest))
-    return int(np.argmax(weight @ np.minimum(separations / enough, 1.0)))
+def ruled_out(noncentrality: Array, likely: Array) -> Array:
+    r"""Chance that a test makes a rival l ten times less probable than the explanation k that is right, (..., k, l).
+
+    Twice the lead of k in log likelihood grows by a normal number of mean :math:`\lambda_{kl}` and variance
+    :math:`4 \lambda_{kl}`. Half of the :math:`\lambda` foreseen is counted on.
+
+    Parameters
+    ----------
+    noncentrality
+        :math:`\lambda`, shape (..., k, l); infinite where there is nothing to part.
+    likely
+        Probability of each explanation before the test, (k,).
+    """
+    counted = np.clip(_COUNTED * noncentrality, 1e-9, 1e9)
+    share = np.log(np.maximum(likely, 1e-300))
+    ahead = 2 * (share[:, None] - share)
+    return np.asarray(norm.cdf((counted + ahead - 2 * np.log(_ODDS)) / (2 * np.sqrt(counted))))
 
 
 def _usual(observed: Observed) -> Procedure | None:
@@ -133,29 +161,27 @@ def _usual(observed: Observed) -> Procedure | None:
 
 def _procedures(observed: Observed, usual: Procedure) -> Iterator[Procedure]:
     """Sines around the usual one."""
-    driver = first_input(observed.problem.model)
-    speeds = _SPEEDS if "longitudinal_velocity" in usual.conditions else (1.0,)
-    time = np.arange(round(_SECONDS / usual.step), dtype=np.float64) * np.float64(usual.step)
-    for factor in _FREQUENCIES:
-        frequency = round(factor * float(usual.frequency or 0), 3)
-        if frequency * usual.step * _FEWEST_SAMPLES > 1:
+    driver, settled = first_input(observed.problem.model), usual.conditions
+    speeds = _SPEEDS if "longitudinal_velocity" in settled else (1.0,)
+    for share, size, slower in product(_FREQUENCIES, _AMPLITUDES, speeds):
+        frequency, amplitude = round(share * float(usual.frequency or 0), 3), size * float(usual.amplitude or 0)
+        faster = next((n for n in _RATES if n >= frequency * usual.step * _FEWEST_SAMPLES), None)
+        if faster is None or (faster > 1 and size > 1):
             continue
-        for size in _AMPLITUDES:
-            for slower in speeds:
-                conditions = dict(usual.conditions)
-                if slower != 1.0:
-                    conditions["longitudinal_velocity"] = round(slower * conditions["longitudinal_velocity"], 2)
-                amplitude = size * float(usual.amplitude or 0)
-                yield replace(
-                    usual,
-                    name="next",
-                    time=time,
-                    inputs={driver: amplitude * np.sin(2 * np.pi * frequency * time)},
-                    conditions=conditions,
-                    frequency=frequency,
-                    amplitude=amplitude,
-                    start_time=_end(observed) if usual.start_time is not None else None,
-                )
+        step = usual.step / faster
+        # as many samples at every rate
+        time = step * np.arange(round(_SECONDS / usual.step), dtype=np.float64)
+        speed = {} if slower == 1.0 else {"longitudinal_velocity": round(slower * settled["longitudinal_velocity"], 2)}
+        yield replace(
+            usual,
+            name="next",
+            time=time,
+            inputs={driver: amplitude * np.sin(2 * np.pi * frequency * time)},
+            conditions={**settled, **speed},
+            frequency=frequency,
+            amplitude=amplitude,
+            start_time=_end(observed) if usual.start_time is not None else None,
+        )
 
 
 def _end(observed: Observed) -> float:
@@ -164,9 +190,20 @@ def _end(observed: Observed) -> float:
     return max((p.start_time or 0.0) + float(p.time[-1]) for p in procedures)
 
 
-def _noise(observed: Observed) -> float:
-    """Variance of a sample of white noise of the level at the low frequencies that matter."""
-    return float(np.median([np.median(w.process.spectrum[: max(w.count // 8, 8)]) for _, _, w in observed.parts]))
+def _noise(observed: Observed, procedure: Procedure, output: Array) -> float:
+    """Variance of a sample: that of the record most like in strength, at the low frequencies that matter.
+
+    A faster sampling is taken to let in more noise, of the same density.
+    """
+    strength = np.log(np.std(output) + 1e-300)
+
+    def unlike(part: tuple[int, int, Whitening]) -> float:
+        channel = observed.problem.model.outputs[part[1]].name
+        return abs(float(np.log(np.std(observed.problem.measurements[part[0]].outputs[channel]) + 1e-300) - strength))
+
+    whitening = min((part for part in observed.parts if part[1] == 0), key=unlike)[2]
+    level = float(np.median(whitening.process.spectrum[: max(whitening.count // 8, 8)]))
+    return level * whitening.step / procedure.step
 
 
 def _answers(observed: Observed, fitted: Fitted, procedures: Sequence[Procedure]) -> list[tuple[Array, Array]]:
@@ -199,44 +236,57 @@ def _drive(observed: Observed, model: Model, procedure: Procedure) -> Drive:
     return to_drive(model, stand_in, record, settled=False)
 
 
-def _separations(
-    answers: Sequence[list[tuple[Array, Array]]], alike: Sequence[Explanation], pair: tuple[int, int], noise: float
+def _gained(
+    observed: Observed,
+    alike: Sequence[Explanation],
+    answers: Sequence[tuple[Array, Array]],
+    procedure: Procedure,
 ) -> Array:
-    r"""Noncentrality of every proposed test if the first of the pair is right and the second is fitted.
+    r"""Noncentrality per second of one procedure, by explanation that is right and rival that is fitted, (k, k).
 
     .. math:: \lambda = \min_\delta \; |y_k - y_l - J_l \delta|^2 / \sigma^2 + \delta^T H_l \delta
 
-    with the Hessian of the tests there are: T-optimality (Atkinson & Fedorov 1975), linearised at the fits.
+    with the Hessian of the tests there are: T-optimality (Atkinson & Fedorov 1975), linearised at the fits. The smaller
+    one of both directions counts for both.
     """
-    right, wrong = pair
-    free = alike[wrong].fitted.free
-    jacobian = alike[wrong].fitted.jacobian[:, free]
-    normal = jacobian.T @ jacobian + np.eye(int(free.sum()))
-    found = []
-    for (truth, _), (output, slopes) in zip(answers[right], answers[wrong], strict=True):
-        difference, columns = (truth - output) / np.sqrt(noise), slopes[:, free] / np.sqrt(noise)
-        pull = columns.T @ difference
-        found.append(float(difference @ difference - pull @ np.linalg.solve(columns.T @ columns + normal, pull)))
-    return np.nan_to_num(found)
+    count = len(alike)
+    found = np.full((count, count), np.inf)
+    noise = _noise(observed, procedure, answers[0][0])
+    for wrong, (output, slopes) in enumerate(answers):
+        free = alike[wrong].fitted.free
+        jacobian, columns = alike[wrong].fitted.jacobian[:, free], slopes[:, free] / np.sqrt(noise)
+        normal = columns.T @ columns + jacobian.T @ jacobian + np.eye(int(free.sum()))
+        for right, (truth, _) in enumerate(answers):
+            if alike[right].effects != alike[wrong].effects:
+                difference = (truth - output) / np.sqrt(noise)
+                pull = columns.T @ difference
+                found[right, wrong] = difference @ difference - pull @ np.linalg.solve(normal, pull)
+    length = float(procedure.time[-1] + procedure.step)
+    found = np.nan_to_num(found, posinf=np.inf)
+    return np.minimum(found, found.T) / length
 
 
-def _sentence(
-    observed: Observed,
-    procedure: Procedure,
-    conditions: Mapping[str, float],
-    seconds: float,
-    parted: tuple[int, int],
-    names: Sequence[str],
+def _what(
+    observed: Observed, procedure: Procedure, conditions: Mapping[str, float], seconds: float, rate: float | None
 ) -> str:
+    """The test in words; the sampling rate where it is not the usual one."""
     driver = first_input(observed.problem.model)
     unit = next(channel.unit for channel in observed.problem.model.inputs if channel.name == driver)
     units = {condition.name: condition.unit for condition in observed.problem.model.conditions}
     under = "".join(f", {n.replace('_', ' ')} {value:g} {units.get(n, '')}".rstrip() for n, value in conditions.items())
-    what = f"a sine of {procedure.frequency:g} Hz, amplitude {procedure.amplitude:.4g} {unit}{under}, for {seconds:g} s"
+    under += "" if rate is None else f", sampled at {rate:g} Hz"
+    return f"a sine of {procedure.frequency:g} Hz, amplitude {procedure.amplitude:.4g} {unit}{under}, for {seconds:g} s"
+
+
+def _sentence(what: str, chance: float, parted: tuple[int, int], names: Sequence[str]) -> str:
     surely, pairs = parted
-    if surely == pairs:
+    if chance >= _SURE:
         return f"Next test: {what}."
     who = " and ".join(dict.fromkeys(names))
     if surely:
         return f"Next test: {what}. It parts {surely} of {pairs} pairs of {who}; diagnose again for the rest."
-    return f"No sine separates them surely; the best of those tried is {what}. Measure or calibrate {who} instead."
+    if chance >= _WORTH:
+        leaves = f"With a chance of {100 * chance:.0f} % it leaves one of {who}"
+        return f"Next test: {what}. {leaves}; diagnose again with it."
+    best = f"the best of those tried is {what}, with a chance of {100 * chance:.0f} %"
+    return f"No sine separates them surely; {best}. Measure or calibrate {who} instead."
