@@ -91,7 +91,11 @@ PROBLEMS = [
 ]
 
 
-@pytest.mark.parametrize("settings", [RefineSettings(), RefineSettings(join=None)], ids=["joining", "alone"])
+@pytest.mark.parametrize(
+    "settings",
+    [RefineSettings(), RefineSettings(join=None), RefineSettings(join=None, lanes=64)],
+    ids=["joining", "alone", "several at once"],
+)
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda p: p.name)
 def test_every_start_of_the_table_ends_in_the_known_minimum(problem, settings):
     d = len(problem.low)
