@@ -24,6 +24,8 @@ _POINTS = 3
 _ALONG = np.linspace(-3, 3, 13)
 #: Times that the stages are looked at anew, and the change of the log posterior at which that ends.
 _ROUNDS, _STANDS = 10, 0.1
+#: White squares that the first of those may gain: more than any that were seen did.
+_GAIN = 300.0
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def explain(fitted: Fitted, candidates: int) -> Explanation:
     return Explanation(fitted, value + extra * float(np.log(rows)) + 2 * float(choices))
 
 
-def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
+def refit(fitted: Fitted, added: Sequence[Screened], limit: float = np.inf) -> Fitted | None:
     """The hypothesis with these effects added, fitted from where the screen expects the minimum and from elsewhere.
 
     Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
@@ -65,6 +67,9 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
 
     Where what is added turns with a condition that a fitted effect moves, there are many minima side by side: then
     starts along that effect are added.
+
+    What cannot be hoped to come down to ``limit`` white squares is left as it was found first: coarsely integrated, and
+    the stages as they were.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
@@ -72,7 +77,7 @@ def refit(fitted: Fitted, added: Sequence[Screened]) -> Fitted | None:
     starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
     starts += [start for found in added for start in _along(new, fitted, found)]
     try:
-        found = _settled(fit(new.with_steps(_steps(old, added)), np.array(starts)))
+        found = _settled(fit(new.with_steps(_steps(old, added)), np.array(starts)), limit)
     except InputError:
         return None
     return found.put_away() if _holds(found) else None
@@ -95,17 +100,22 @@ def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
     return max([old.simulator.steps or 1, *(found.candidate.steps for found in added if found.effect.states)])
 
 
-def _settled(found: Fitted) -> Fitted:
+def _settled(found: Fitted, limit: float) -> Fitted:
     """Fitted with the stages looked at where its effects end, until that stands: a large effect bends what it moves.
+
+    Or until it would not reach the limit at the pace of the last round.
 
     Where it goes to and fro, the stages were never looked at where the effects ended: the worse of both ends counts.
     """
-    before = found
-    for _ in range(_ROUNDS):
+    before, gain = found, _GAIN
+    for left in reversed(range(_ROUNDS)):
+        if 2 * found.minimum.value - limit > gain:
+            return found
         best = found.minimum.point[None]
         before, found = found, fit(_recalibrated(found).at_steps_for(best), best)
-        stands = abs(found.minimum.value - before.minimum.value) < _STANDS
-        if stands or not any(cause.everywhere for cause in found.hypothesis.causes):
+        change = abs(found.minimum.value - before.minimum.value)
+        gain = 2 * left * change
+        if change < _STANDS or not any(cause.everywhere for cause in found.hypothesis.causes):
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 

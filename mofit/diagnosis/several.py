@@ -71,16 +71,17 @@ class _Search:
         present = [effect.name for effect in base.hypothesis.effects]
         fresh = [one for one in added if not self.tried([*present, one.name])]
         made: dict[str, Explanation] = {}
+        lowest = self.best.criterion
         for number, one in enumerate(fresh):
             progress("refit", number, len(fresh), " + ".join([*present, one.name]))
-            if (fitted := refit(base, [one])) is not None:
+            if (fitted := refit(base, [one], lowest + self.thresholds.contender)) is not None:
                 made[one.name] = explain(fitted, len(self.candidates))
-        best = min(explanation.criterion for explanation in (*self.found, *made.values()))
-        limit = best + self.thresholds.contender
+                lowest = min(lowest, made[one.name].criterion)
+        limit = lowest + self.thresholds.contender
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the calibration tests had the effect
         for one in (other for contender in contenders if (other := contender.elsewhere) is not None):
-            if (fitted := refit(base, [one])) is not None:
+            if (fitted := refit(base, [one], lowest + self.thresholds.contender)) is not None:
                 made[one.name] = min(made[one.name], explain(fitted, len(self.candidates)), key=_order)
         found = tuple(sorted((*self.found, *made.values()), key=_order))
         return _Search(self.baseline, self.candidates, self.thresholds, found)

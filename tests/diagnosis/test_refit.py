@@ -44,15 +44,35 @@ def test_spread_of_slopes_of_all_sizes():
     assert fitted.sd() == pytest.approx(np.full(2, 1 / np.sqrt(3)), rel=1e-5)
 
 
+@pytest.fixture
+def seen(monkeypatch):
+    """Minima found one after the other, the stages' tests having had the effect."""
+
+    def look_at(values):
+        left = iter(values)
+
+        def look(*_):
+            minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
+            causes = [SimpleNamespace(everywhere=True)]
+            return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(causes=causes))
+
+        monkeypatch.setattr(refit, "fit", look)
+        monkeypatch.setattr(refit, "_recalibrated", lambda found: SimpleNamespace(at_steps_for=lambda best: None))
+        return look()
+
+    return look_at
+
+
 @pytest.mark.parametrize(("values", "kept"), [([1.0, 5.0] * 6, 5.0), ([5.0, 1.0, 1.05, 9.0], 1.05)])
-def test_what_goes_to_and_fro_counts_by_its_worse_end(monkeypatch, values, kept):
-    # the stages' tests had the effect; every look at them gives the next of these minima
-    left = iter(values)
+def test_what_goes_to_and_fro_counts_by_its_worse_end(seen, values, kept):
+    assert _settled(seen(values), np.inf).minimum.value == kept
 
-    def look(*_):
-        minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
-        return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(causes=[SimpleNamespace(everywhere=True)]))
 
-    monkeypatch.setattr(refit, "fit", look)
-    monkeypatch.setattr(refit, "_recalibrated", lambda found: SimpleNamespace(at_steps_for=lambda best: None))
-    assert _settled(look()).minimum.value == kept
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [([1000.0], 1000.0), ([400.0, 399.0], 399.0), ([400.0, 380.0, 349.0, 348.9, 348.85], 348.85)],
+    ids=["far off", "too slow", "within reach"],
+)
+def test_what_would_not_reach_the_limit_is_left_alone(seen, values, kept):
+    # 700 white squares are a value of 350; another look would find nothing
+    assert _settled(seen(values), 700.0).minimum.value == kept
