@@ -144,7 +144,7 @@ def _refitted(
 
     point = np.array([start[name] for name in names])
     # trial steps may leave what can be simulated
-    with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", invalid="ignore"):
+    with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if evaluations:
             point = least_squares(
                 lambda x: rows(tuple(x))[0],

@@ -19,6 +19,20 @@ Array = NDArray[np.float64]
 
 #: Harmonics whose change from test to test is looked at one by one as a smooth one.
 _SMOOTH_HARMONICS = 5
+#: What was looked at, in words; a harmonic is looked at in all tests together.
+_TOLD = {
+    "dc": "the constant",
+    "odd": "odd harmonics",
+    "even": "even harmonics",
+    "rotating": "lines of wheel and drum",
+    "slow": "slow changes",
+    "steady": "steady lines",
+    "excited": "what is excited",
+    "harmonic 0": "the constant in all tests together",
+    "highest rotating line": "a line of wheel or drum in one test",
+    "highest slow line": "a slow change in one test",
+    "highest other line": "a line in one test",
+}
 #: Degree of the polynomial in log frequency that such a change follows.
 _DEGREE = 2
 
@@ -37,6 +51,8 @@ class Clue:
         Chance of such a sum without a gap, the noise being estimated.
     squares
         Mean square per test of what the lines looked at hold beyond the noise, in the output's unit²; (tests,).
+    frequency
+        Of the line that stands out in all tests together, Hz; nan for another clue.
     """
 
     name: str
@@ -44,6 +60,21 @@ class Clue:
     freedom: float
     p: float
     squares: Array
+    frequency: float = np.nan
+
+    @property
+    def told(self) -> str:
+        """What was seen, in words."""
+        if np.isfinite(self.frequency):
+            return f"a line of {self.frequency:.4g} Hz in all tests together"
+        if self.name.startswith("order "):
+            return f"lines at {self.name[6:]} of the frequency of excitation"
+        return _TOLD.get(self.name, f"{self.name} in all tests together")
+
+    @property
+    def rms(self) -> float:
+        """Root mean square over all tests of what it saw, in the output's unit."""
+        return float(np.sqrt(max(float(np.mean(self.squares)), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -61,12 +92,16 @@ class Remaining:
     clues: tuple[Clue, ...]
     p: float
 
+    def loud(self, chance: float) -> tuple[Clue, ...]:
+        """The significant ones."""
+        return tuple(clue for clue in self.clues if clue.p * len(self.clues) < chance)
+
     def squares(self, chance: float) -> Array:
         """Mean square per test (tests,) of the largest gap that is significant; zeros if none is.
 
         A sum over all lines would drown a gap that lies where there is little noise in that of the others.
         """
-        loud = [clue.squares for clue in self.clues if clue.p * len(self.clues) < chance]
+        loud = [clue.squares for clue in self.loud(chance)]
         return max(loud, key=np.sum, default=np.zeros_like(self.clues[0].squares) if self.clues else np.zeros(1))
 
 
@@ -124,7 +159,7 @@ def frequency_clue(residual: Array, observed: Observed) -> Iterator[Clue]:
     for own, lines, mine in zip(split, peak.near(records), kept, strict=True):
         near[own] = (lines & mine)[observed.line[own]]
     squares = _squares(residual, np.ones(len(residual)), observed, near)
-    yield Clue("highest frequency", peak.power, peak.freedom, peak.chance, squares)
+    yield Clue("highest frequency", peak.power, peak.freedom, peak.chance, squares, peak.frequency)
 
 
 def _squares(residual: Array, expected: Array, observed: Observed, where: NDArray[np.bool_]) -> Array:

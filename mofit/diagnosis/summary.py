@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mofit.diagnosis.locate import Where, significant
+from mofit.diagnosis.remaining import Remaining
 
 if TYPE_CHECKING:
     from mofit.diagnosis.diagnose import Diagnosis
@@ -39,8 +40,8 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": effects,
         "group": list(conclusion.group),
         "explanations": [list(explanation.effects) for explanation in conclusion.alike],
-        "where": _where(diagnosis.before),
-        "left": {**_where(diagnosis.after), "share": conclusion.left_share},
+        "where": _where(diagnosis.before, diagnosis.attribution.left),
+        "left": {**_where(diagnosis.after, diagnosis.attribution.best_left), "share": conclusion.left_share},
         "shrinkage": None if shrinkage is None else {
             key: getattr(shrinkage, key) for key in ("predicted", "confirmed", "low", "high", "measured")
         },
@@ -59,13 +60,24 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _where(where: Where) -> dict[str, Any]:
+def _where(where: Where, left: Remaining) -> dict[str, Any]:
     listed = [spot for spot, on in zip(where.spots, significant(where, _LISTED), strict=True) if on]
     return {
         "gap": where.gap,
         "unit": where.unit,
         "of_peak": max((spot.of_peak for spot in listed), default=0.0),
         "spots": [{key: _number(value) for key, value in asdict(spot).items()} for spot in listed],
+        "clues": [
+            {
+                "name": clue.name,
+                "told": clue.told,
+                "rms": clue.rms,
+                "unit": where.unit,
+                "p": min(1.0, clue.p * len(left.clues)),
+                "frequency": _number(clue.frequency),
+            }
+            for clue in left.loud(_LISTED)
+        ],
     }
 
 

@@ -21,6 +21,8 @@ Verdict = Literal["none", "effect", "group", "several", "unknown"]
 _Z90 = 1.645
 #: Share of the gap from which a remainder is mentioned.
 _WORTH_TELLING = 0.02
+#: Chance below which it is no longer told how small it is.
+_SMALLEST = 1e-16
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,9 @@ def conclude(
     titles = [effect.title for effect in effects if effect.name in best.effects]
     if left or not best.effects:
         still_there = f"{100 * share:.0f} % of it" if round(100 * share) else "a pattern of little power"
-        nearest = f"; the nearest, {' with '.join(titles)}, leaves {still_there}" if titles else ""
+        nearest = (
+            f"; the nearest, {' with '.join(titles)}, leaves {still_there}" if titles else _told(found, after.unit)
+        )
         return Conclusion("unknown", f"None of the known effects explains the gap{nearest}.", effects, alike, share)
     doubt = Conclusion("group", "", effects, alike, share).group
     others = [effect.title for effect in effects if effect.name in doubt and effect.name not in best.effects]
@@ -120,6 +124,12 @@ def conclude(
     if others:
         return Conclusion("group", f"The gap is caused by {titles[0]}{but}.{caveat}", effects, alike, share)
     return Conclusion("effect", f"The gap is caused by {titles[0]}.{caveat}", effects, alike, share)
+
+
+def _told(found: Attribution, unit: str) -> str:
+    """What tells a gap that no effect comes near."""
+    clue, p = found.best_left.clues[0], found.best_left.p
+    return f": {clue.told} ({clue.rms:.2g} {unit}, p {f'= {p:.1g}' if p > _SMALLEST else f'< {_SMALLEST:g}'})"
 
 
 def weights(explanations: Sequence[Explanation]) -> Array:

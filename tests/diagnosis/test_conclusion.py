@@ -16,7 +16,8 @@ def left(p, *squares):
 
 def where(*squares):
     names = [f"sine_{i}" for i in range(len(squares))]
-    return SimpleNamespace(squares=dict(zip(names, squares, strict=True)), peaks=dict.fromkeys(names, 1000.0))
+    peaks = dict.fromkeys(names, 1000.0)
+    return SimpleNamespace(squares=dict(zip(names, squares, strict=True)), peaks=peaks, unit="N")
 
 
 @pytest.fixture(autouse=True)
@@ -69,3 +70,14 @@ def test_the_finer_a_coarse_gap_is_the_more_of_it_must_be_explained(coarseness, 
     found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=gap, best_left=rest)
     roughly = Thresholds().roughly(coarseness)
     assert verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), roughly).verdict == said
+
+
+def test_a_gap_that_no_effect_comes_near_is_told_by_what_shows_it():
+    best = SimpleNamespace(effects=(), criterion=0.0)
+    line = Clue("highest frequency", 90.0, 2.0, 1e-9, np.array([8.0, 10.0]), 37.5)
+    hum = Remaining((line,), 1e-9)
+    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=hum, best_left=hum)
+    concluded = verdict.conclude(found, where(8.0, 10.0), where(8.0, 10.0), Thresholds())
+    assert concluded.sentence == (
+        "None of the known effects explains the gap: a line of 37.5 Hz in all tests together (3 N, p = 1e-09)."
+    )

@@ -63,13 +63,17 @@ def test_a_gap_spread_thinly_over_many_harmonics_is_seen_in_all_together() -> No
 @pytest.mark.parametrize(
     ("signal", "clue"),
     [
-        (lambda time, _: 0.3 * NOISE * np.cos(2 * np.pi * 23.02 * time), "highest frequency"),
-        (lambda time, frequency: 0.3 * NOISE * np.cos(np.pi * frequency * time), "order 1/2"),
+        (lambda time, _: 0.3 * NOISE * np.cos(2 * np.pi * 23.02 * time), "a line of 23 Hz in all tests together"),
+        (
+            lambda time, frequency: 0.3 * NOISE * np.cos(np.pi * frequency * time),
+            "lines at 1/2 of the frequency of excitation",
+        ),
     ],
 )
 def test_what_is_too_faint_for_a_single_test_is_seen_in_all_together(signal, clue) -> None:
     found = remaining(everywhere(damper_fit(), signal))
-    assert found.clues[0].name == clue
+    assert found.clues[0].told == clue
+    assert found.clues[0].rms == pytest.approx(0.3 * NOISE / np.sqrt(2), rel=0.35)
     assert found.p < 1e-3
     # nothing else tells it
     assert len(found.clues) * found.clues[1].p > 1e-3

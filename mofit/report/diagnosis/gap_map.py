@@ -9,18 +9,20 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mofit.report.display import display_unit, number
-from mofit.report.page import Block, Figure, Section, Text
+from mofit.report.page import Block, Figure, Section, Table, Text
 from mofit.report.style import BASELINE, cluster_colour, image_of, legend_above, line_key, panels
 
 _CHANCE = 0.01
+#: most clues that are listed
+_CLUES = 6
 #: width of a letter of a test's name, inches; letters for which there is room beside the maps
 _LETTER, _LONGEST = 0.07, 40
 _NAMES = {
     "dc": "constant",
-    "odd": "odd\nharmonics",
-    "even": "even\nharmonics",
-    "subharmonic": "half\nharmonics",
-    "rotating": "wheel and\ndrum order",
+    "odd": "odd",
+    "even": "even",
+    "subharmonic": "half",
+    "rotating": "wheel,\ndrum",
     "slow": "slow",
     "steady": "steady\nlines",
     "excited": "excited",
@@ -37,11 +39,40 @@ def gap_section(data: Mapping[str, Any]) -> Section:
             "differs from period to period; a cell is marked where chance would fill it so less than once in a hundred "
             "maps."
         ),
+        _clues_table(data["where"], data["left"]),
         _classes_figure(before, after, data["where"]["unit"]),
         _input_figure(before, data),
         _time_figure(before, after, data["where"]["unit"]),
     ]
     return Section("where", "Where the gap lies", blocks, {"maps": data["maps"]})
+
+
+def _clues_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:
+    """What tells the gap: the surest clues that are left, then those that the model without effects had."""
+    told = {clue["name"]: clue["told"] for clue in (*after["clues"], *before["clues"])}
+    if not told:
+        return Text("No test of what is left sees more than chance.")
+    shown = display_unit(before["unit"], max(clue["rms"] for clue in (*before["clues"], *after["clues"])))
+    rows = [
+        [words, *(cell for source in (before, after) for cell in _clue(name, source["clues"], shown.factor))]
+        for name, words in list(told.items())[:_CLUES]
+    ]
+    return Table(
+        ["What tells it", f"without effects ({shown.name})", "p", f"with the best explanation ({shown.name})", "p"],
+        rows,
+        "Tests of what is left that need no candidate. Root mean square over all tests beyond the noise, and the "
+        "chance of so much without a gap, corrected for the number of such tests; a dash: not beyond chance.",
+    )
+
+
+def _clue(name: str, clues: list[Mapping[str, Any]], factor: float) -> tuple[str, str]:
+    """Size and chance of one clue; a dash where it is not among those beyond chance."""
+    found = next((clue for clue in clues if clue["name"] == name), None)
+    return ("–", "–") if found is None else (number(factor * found["rms"], 2), _chance(found["p"]))
+
+
+def _chance(p: float) -> str:
+    return "< 1e-16" if p < 1e-16 else f"{p:.1g}"
 
 
 def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: str) -> Figure:
@@ -60,7 +91,8 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     return Figure(
         image_of(canvas),
         "Gap per test and class of lines, before and after",
-        "Root mean square of the gap per test and class of spectral lines; bold: beyond chance.",
+        "Root mean square of the gap per test and class of spectral lines: constant; odd, even and half multiples of "
+        "the frequency of excitation; of wheel and drum; the rest. Bold: beyond chance.",
         good="no cell on the right is bold.",
         bad="a column or a run of cells is bold on the right as well: something is left that no named effect explains.",
     )
