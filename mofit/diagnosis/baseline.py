@@ -28,8 +28,6 @@ STARTS = 7
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, the slopes do not fit the values: shorter ones gain nothing.
 _SETTINGS = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
-
-
 #: The same where integration takes most of the time, four points as fast as one; and steps from which on it does.
 _FINE_SETTINGS, _FINE = replace(_SETTINGS, lanes=4, max_iterations=20), 8
 

@@ -42,8 +42,8 @@ def page(
         f"| no effect: false alarms | {_share(none['false_alarms'])} | ≤ 1 % |",
         f"| … upper 95 % bound | {_percent(none['upper_95'])} | ≤ 2 % |",
         *(f"| … {noise} noise | {_share(value)} | |" for noise, value in none["by_noise"].items()),
-        f"| strong (T ≥ 50): named exactly (alone) | {_share(strong['exact'])} | ≥ 98 % |",
-        f"| … first | {_share(strong['first'])} | |",
+        f"| strong (T ≥ 50): named exactly, first of the set | {_share(strong['first'])} | ≥ 98 % |",
+        f"| … alone in the set | {_share(strong['exact'])} | ≥ 98 %, if exactly means alone |",
         f"| … alone, and first, at best by what these tests tell apart | {_percent(found['strong_alone_at_best'])}, "
         f"{_percent(found['strong_first_at_best'])} | |",
         f"| … in the reported set | {_share(strong['in_set'])} | ≥ 99 % |",
