@@ -66,7 +66,7 @@ class Clue:
     def told(self) -> str:
         """What was seen, in words."""
         if np.isfinite(self.frequency):
-            return f"a line of {self.frequency:.4g} Hz in all tests together"
+            return f"a line of {self.frequency:.3g} Hz in all tests together"
         if self.name.startswith("order "):
             return f"lines at {self.name[6:]} of the frequency of excitation"
         return _TOLD.get(self.name, f"{self.name} in all tests together")

@@ -129,7 +129,8 @@ def conclude(
 def _told(found: Attribution, unit: str) -> str:
     """What tells a gap that no effect comes near."""
     clue, p = found.best_left.clues[0], found.best_left.p
-    return f": {clue.told} ({clue.rms:.2g} {unit}, p {f'= {p:.1g}' if p > _SMALLEST else f'< {_SMALLEST:g}'})"
+    chance = f"= {p:.1g}" if p > _SMALLEST else f"< {_SMALLEST:g}"
+    return f": {clue.told} ({clue.rms:.2g} {unit} root mean square, p {chance})"
 
 
 def weights(explanations: Sequence[Explanation]) -> Array:

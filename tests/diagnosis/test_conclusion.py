@@ -79,5 +79,6 @@ def test_a_gap_that_no_effect_comes_near_is_told_by_what_shows_it():
     found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=hum, best_left=hum)
     concluded = verdict.conclude(found, where(8.0, 10.0), where(8.0, 10.0), Thresholds())
     assert concluded.sentence == (
-        "None of the known effects explains the gap: a line of 37.5 Hz in all tests together (3 N, p = 1e-09)."
+        "None of the known effects explains the gap: a line of 37.5 Hz in all tests together "
+        "(3 N root mean square, p = 1e-09)."
     )
