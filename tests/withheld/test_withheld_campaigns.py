@@ -7,6 +7,7 @@ from causes import LIBRARY
 from generate import make
 from hidden import Slot, label, setting
 from respond import Case, respond
+from rig_tests import FREQUENCIES, MORE
 from specimen import NOISES
 
 from mofit.calibration import calibrate, calibrated_values
@@ -90,6 +91,8 @@ def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
         ("sine_2_50Hz", 0.5),
         ("sine_4_00Hz", 0.5),
         ("sine_6_00Hz_8deg_36kmh", 1.2),
+        # the springpot's spectrum ends at 4 ms; a tenth of the noise
+        ("sine_20_00Hz_2deg_90kmh", 2.0),
     ):
         (force,), test = respond([(case, tests[name])]), tests[name]
         here = outputs[problem.tests.index(name)][0][0, :, 0]
@@ -101,7 +104,8 @@ def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
     campaign = read_campaign(path)
     assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
     sines = [m.procedure for m in campaign.measurements if m.kind == "sine"]
-    assert len(sines) == len({(p.frequency, p.amplitude, *p.conditions.items()) for p in sines}) == 12
+    assert len(sines) == len({(p.frequency, p.amplitude, *p.conditions.items()) for p in sines})
+    assert len(sines) == len((*FREQUENCIES, *MORE))
     for procedure in sines:
         assert procedure.start_time is not None
         assert {"wheel_phase", "drum_phase", "drum_radius", "dynamic_rolling_radius"} <= set(procedure.conditions)
@@ -112,13 +116,14 @@ def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
     path = made(tmp_path, slot)
     entry = label(slot)
     spec = {"kind": "sine", "frequency": 6.0, "amplitude": 0.02, "duration": 10.0, "separation": 50.0,
-            "conditions": {"longitudinal_velocity": 5.56}}  # fmt: skip
+            "rate": 200.0, "conditions": {"longitudinal_velocity": 5.56}}  # fmt: skip
     append_test(path, entry, spec, tmp_path / "next.nc")
     before, after = read_campaign(path), read_campaign(tmp_path / "next.nc")
     assert [m.name for m in after.measurements][:-1] == [m.name for m in before.measurements]
     added = after.measurements[-1]
     assert (added.name, added.kind, added.procedure.frequency) == ("sine_next", "sine", 6.0)
     assert added.procedure.conditions["longitudinal_velocity"] == 5.56
+    assert added.procedure.step == pytest.approx(1 / 200)
     assert added.procedure.start_time > max(m.procedure.start_time or 0 for m in before.measurements)
     append_test(tmp_path / "next.nc", entry, spec, tmp_path / "third.nc")
     third = read_campaign(tmp_path / "third.nc").measurements[-1]

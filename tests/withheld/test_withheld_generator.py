@@ -22,7 +22,7 @@ from strength import ground, shrinkage, sized
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: the paper's alone
-TESTS = programme(np.random.default_rng(3), large=False)
+TESTS = programme(np.random.default_rng(3), more=False)
 #: residual RMS in N on nine sines with everything else as it was, from the list of effects that asked for this check
 RAW = {
     "contact_patch_lag": 56, "delay": 74, "sensor_lowpass": 92, "inertia": 14, "second_branch": 28, "springpot": 40,
