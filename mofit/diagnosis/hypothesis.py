@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 #: Change of a white row by halving the integration steps that is let pass: noise is 1 there.
 _STEP_ERROR = 0.05
-#: Fewest and most Runge-Kutta steps per sampling interval: with more, slopes of a stiff friction were no better.
+#: Fewest and most Runge-Kutta steps per sampling interval: what is stiffer, a dry friction, takes too long to fit.
 _FEWEST_STEPS, _MOST_STEPS = 1, 16
 #: Most numbers in the Jacobians that are computed at once: 80 MB.
 _NUMBERS = 10**7
@@ -198,15 +198,14 @@ def with_enough_steps(
 ) -> tuple[Simulator, Array]:
     """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
     steps, coarse = _FEWEST_STEPS, None
-    while True:
-        here = simulator.with_steps(steps)
-        if 2 * steps > _MOST_STEPS:
-            return here, rows(here) if coarse is None else coarse
+    while coarse is None or 2 * steps <= _MOST_STEPS:
         # the finer one first: the loop that is compiled for it serves the coarser one too
         fine = rows(simulator.with_steps(2 * steps))
+        here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
         # two integrations that ran away are alike as well
         stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
         if stable and change(coarse, fine) <= allowed:
             return here, coarse
         steps, coarse = 2 * steps, fine
+    return simulator.with_steps(steps), coarse

@@ -161,23 +161,23 @@ def _usual(observed: Observed) -> Procedure | None:
 
 def _procedures(observed: Observed, usual: Procedure) -> Iterator[Procedure]:
     """Sines around the usual one."""
-    driver, settled = first_input(observed.problem.model), usual.conditions
-    speeds = _SPEEDS if "longitudinal_velocity" in settled else (1.0,)
-    for share, size, slower in product(_FREQUENCIES, _AMPLITUDES, speeds):
-        frequency, amplitude = round(share * float(usual.frequency or 0), 3), size * float(usual.amplitude or 0)
-        faster = next((n for n in _RATES if n >= frequency * usual.step * _FEWEST_SAMPLES), None)
-        if faster is None or (faster > 1 and size > 1):
+    driver, own = first_input(observed.problem.model), usual.conditions
+    speeds = _SPEEDS if "longitudinal_velocity" in own else (1.0,)
+    for higher, size, faster in product(_FREQUENCIES, _AMPLITUDES, speeds):
+        frequency, amplitude = round(higher * float(usual.frequency or 0), 3), size * float(usual.amplitude or 0)
+        rate = next((n for n in _RATES if n >= frequency * usual.step * _FEWEST_SAMPLES), None)
+        if rate is None or (rate > 1 and size > 1):
             continue
-        step = usual.step / faster
+        step = usual.step / rate
         # as many samples at every rate
         time = step * np.arange(round(_SECONDS / usual.step), dtype=np.float64)
-        speed = {} if slower == 1.0 else {"longitudinal_velocity": round(slower * settled["longitudinal_velocity"], 2)}
+        speed = {} if faster == 1.0 else {"longitudinal_velocity": round(faster * own["longitudinal_velocity"], 2)}
         yield replace(
             usual,
             name="next",
             time=time,
             inputs={driver: amplitude * np.sin(2 * np.pi * frequency * time)},
-            conditions={**settled, **speed},
+            conditions={**own, **speed},
             frequency=frequency,
             amplitude=amplitude,
             start_time=_end(observed) if usual.start_time is not None else None,

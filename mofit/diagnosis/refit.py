@@ -24,7 +24,7 @@ _POINTS = 3
 _ALONG = np.linspace(-3, 3, 13)
 #: Times that the stages are looked at anew, and the change of the log posterior at which that ends.
 _ROUNDS, _STANDS = 10, 0.1
-#: White squares that the first of those may gain: more than any that were seen did.
+#: White squares that the first of those may gain, generously.
 _GAIN = 300.0
 
 

@@ -73,7 +73,7 @@ class Clue:
 
     @property
     def rms(self) -> float:
-        """Root mean square over all tests of what it saw, in the output's unit."""
+        """Root mean square over all tests of what it saw, in the output's unit, without what leaks past its lines."""
         return float(np.sqrt(max(float(np.mean(self.squares)), 0.0)))
 
 

@@ -81,7 +81,7 @@ class _Search:
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the calibration tests had the effect
         for one in (other for contender in contenders if (other := contender.elsewhere) is not None):
-            if (fitted := refit(base, [one], lowest + self.thresholds.contender)) is not None:
+            if (fitted := refit(base, [one], limit)) is not None:
                 made[one.name] = min(made[one.name], explain(fitted, len(self.candidates)), key=_order)
         found = tuple(sorted((*self.found, *made.values()), key=_order))
         return _Search(self.baseline, self.candidates, self.thresholds, found)

@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 from causes import LIBRARY, draw_cause
 from numpy.typing import NDArray
-from rig_tests import MORE, SPEED, further_sine, phases, programme
+from rig_tests import FURTHER, SPEED, further_sine, phases, programme
 from specimen import NOISES, draw_specimen
 from strength import Ground, chance, ground
 
@@ -75,7 +75,7 @@ def main() -> None:
 def tyre(number: int, seed: int) -> Tyre:
     """A specimen in the programme and in every sine of the pool."""
     rng = np.random.default_rng([seed, number])
-    specimen, tests = draw_specimen(rng), list(programme(rng, more=False))
+    specimen, tests = draw_specimen(rng), list(programme(rng, further=False))
     clock = max(t.start_time + t.duration for t in tests if t.start_time is not None)
     for i, (frequency, amplitude, speed) in enumerate(POOL):
         clock += 30
@@ -107,7 +107,7 @@ def page(tyres: Sequence[Tyre], made_by: str) -> Iterator[str]:
             yield f"| … and {_told(i)} | {_percent(found[i])} |"
         chosen.append(best)
         yield f"| **the best {count} more**: {'; '.join(map(_told, chosen))} | {_percent(found[best])} |"
-    own = [POOL.index(of) for of in MORE]
+    own = [POOL.index(of) for of in FURTHER]
     yield f"| **the campaigns' own**: {'; '.join(map(_told, own))} | {_percent(chances(tyres, own))} |"
     yield f"| all {len(POOL)} more | {_percent(chances(tyres, range(len(POOL))))} |"
 

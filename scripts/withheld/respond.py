@@ -71,8 +71,8 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             part = lanes[start : start + LANES]
             first = [members[0] for members in part]
             # of a step test only the settled half counts
-            fine = max(step, COARSE) if kind == "step" else step if sampling == RATE else step / 2
-            fine /= 4 if finer else 1
+            usual = max(step, COARSE) if kind == "step" else step
+            fine = usual / (2 if sampling > RATE else 1) / (4 if finer else 1)
             force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
             for lane, members in enumerate(part):
                 for i in members:

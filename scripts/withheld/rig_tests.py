@@ -12,10 +12,10 @@ Array = NDArray[np.float64]
 FREQUENCIES = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0)
 SPEED, LOAD, WHEEL_RADIUS, DRUM_RADIUS = 60 / 3.6, 3600.0, 0.305, 0.61
 #: sines besides the paper's nine: frequency [Hz], amplitude [deg], speed [m/s]
-MORE = ((4.0, 8.0, 10.0), (4.0, 8.0, SPEED), (6.0, 8.0, 10.0), (20.0, 2.0, 25.0))
+FURTHER = ((4.0, 8.0, 10.0), (4.0, 8.0, SPEED), (6.0, 8.0, 10.0), (20.0, 2.0, 25.0))
 RATE, SLOW_RATE = 100.0, 20.0
 #: a sine of which RATE takes fewer samples per period is sampled faster, and for half as long
-FEWEST, FAST_RATE, MORE_DURATION = 12, 400.0, 10.0
+FEWEST, FAST_RATE, FURTHER_DURATION = 12, 400.0, 10.0
 DELAY, RAMP = 0.5, np.deg2rad(40.0)
 STROKE, STROKE_SPEED = 0.02, 2e-3
 
@@ -63,19 +63,19 @@ def further_sine(frequency: float, amplitude: float, speed: float) -> RigTest:
         sine(frequency, float(np.deg2rad(amplitude)), speed=speed),
         name=f"sine_{frequency:.2f}Hz_{amplitude:.0f}deg_{3.6 * speed:.0f}kmh".replace(".", "_"),
         rate=FAST_RATE if fast else RATE,
-        duration=MORE_DURATION / 2 if fast else MORE_DURATION,
+        duration=FURTHER_DURATION / 2 if fast else FURTHER_DURATION,
     )
 
 
-def programme(rng: np.random.Generator, more: bool = True) -> tuple[RigTest, ...]:
-    """Three steps, one quasi-static test, nine sines and with ``more`` those besides.
+def programme(rng: np.random.Generator, further: bool = True) -> tuple[RigTest, ...]:
+    """Three steps, one quasi-static test, nine sines and with ``further`` those besides.
 
     The sines are one day's campaign in random order, with pauses; their clock starts with the first of them. Steps and
     quasi-static test belong to another day and have no start time.
     """
     steps = [RigTest(f"step_{d}deg", "step", 60.0, np.deg2rad(d)) for d in (1, 2, 4)]
     slow = RigTest("quasi_static", "quasi_static", 4 * STROKE / STROKE_SPEED, STROKE, rate=SLOW_RATE)
-    sines, clock = [sine(f) for f in FREQUENCIES] + [further_sine(*of) for of in MORE if more], 0.0
+    sines, clock = [sine(f) for f in FREQUENCIES] + [further_sine(*of) for of in FURTHER if further], 0.0
     for i in rng.permutation(len(sines)):
         sines[i] = replace(sines[i], start_time=round(clock, 2))
         clock += sines[i].duration + rng.uniform(20, 60)

@@ -7,7 +7,7 @@ from causes import LIBRARY
 from generate import make
 from hidden import Slot, label, setting
 from respond import Case, respond
-from rig_tests import FREQUENCIES, MORE
+from rig_tests import FREQUENCIES, FURTHER
 from specimen import NOISES
 
 from mofit.calibration import calibrate, calibrated_values
@@ -105,7 +105,7 @@ def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
     assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
     sines = [m.procedure for m in campaign.measurements if m.kind == "sine"]
     assert len(sines) == len({(p.frequency, p.amplitude, *p.conditions.items()) for p in sines})
-    assert len(sines) == len((*FREQUENCIES, *MORE))
+    assert len(sines) == len((*FREQUENCIES, *FURTHER))
     for procedure in sines:
         assert procedure.start_time is not None
         assert {"wheel_phase", "drum_phase", "drum_radius", "dynamic_rolling_radius"} <= set(procedure.conditions)

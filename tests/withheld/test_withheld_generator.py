@@ -14,7 +14,7 @@ from generate import main, make
 from hidden import Slot, case_of, label, setting, slots
 from integrate import fractional_parts
 from respond import Case, respond
-from rig_tests import FREQUENCIES, MORE, programme, sine
+from rig_tests import FREQUENCIES, FURTHER, programme, sine
 from scipy.special import gamma
 from sealed import seal, unseal
 from specimen import CENTRE, NOISES, add_noise, draw_specimen, whitened
@@ -22,7 +22,7 @@ from strength import ground, shrinkage, sized
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: the paper's alone
-TESTS = programme(np.random.default_rng(3), more=False)
+TESTS = programme(np.random.default_rng(3), further=False)
 #: residual RMS in N on nine sines with everything else as it was, from the list of effects that asked for this check
 RAW = {
     "contact_patch_lag": 56, "delay": 74, "sensor_lowpass": 92, "inertia": 14, "second_branch": 28, "springpot": 40,
@@ -321,7 +321,7 @@ def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
     with netCDF4.Dataset(files[0]) as file:
         assert {g.procedure for g in file.groups.values()} == {"step", "quasi_static", "sine"}
         sines = [g for g in file.groups.values() if g.procedure == "sine"]
-        assert sorted(g.frequency for g in sines) == sorted((*FREQUENCIES, *(of[0] for of in MORE)))
+        assert sorted(g.frequency for g in sines) == sorted((*FREQUENCIES, *(of[0] for of in FURTHER)))
         assert max(g.amplitude for g in sines) == pytest.approx(np.deg2rad(8))
         starts = [g.start_time for g in sines]
         assert starts != sorted(starts)
