@@ -16,21 +16,26 @@ from scipy.special import gamma
 
 Array = NDArray[np.float64]
 
-#: relaxation times of the fractional element, s
-SPECTRUM = np.geomspace(4e-3, 200.0, 12)
+#: longest relaxation time of the fractional element, s, and the shortest in a test whose steps are no shorter than usual
+SLOWEST, FASTEST = 200.0, 4e-3
 #: deflection at which the bump stop is met, m
 BUMP = 6e-3
 
 
-def fractional_parts(coefficient: Array, exponent: Array) -> tuple[Array, Array, Array]:
-    """Stiffness of every element of the spectrum (12, lanes) [N/m], damper [N s/m] and spring [N/m] at its two ends.
+def spectrum(step: float) -> Array:
+    """Relaxation times of the fractional element, s: as short as integration by this step bears."""
+    return np.geomspace(min(FASTEST, 1.6 * step), SLOWEST, 12 if 1.6 * step >= FASTEST else 14)
+
+
+def fractional_parts(times: Array, coefficient: Array, exponent: Array) -> tuple[Array, Array, Array]:
+    """Stiffness of every element of a spectrum (n, lanes) [N/m], damper [N s/m] and spring [N/m] at its two ends.
 
     The kernel t^-a / Gamma(1 - a) is the integral of exp(-t / tau) tau^-a / (Gamma(a) Gamma(1 - a)) over ln tau.
     """
-    width = np.log(SPECTRUM[1] / SPECTRUM[0])
+    width = np.log(times[1] / times[0])
     scale = coefficient / (gamma(1 - exponent) * gamma(exponent))
-    stiffness = scale * width * SPECTRUM[:, None] ** -exponent
-    fast, slow = SPECTRUM[0] * np.exp(-width / 2), SPECTRUM[-1] * np.exp(width / 2)
+    stiffness = scale * width * times[:, None] ** -exponent
+    fast, slow = times[0] * np.exp(-width / 2), times[-1] * np.exp(width / 2)
     return stiffness, scale * fast ** (1 - exponent) / (1 - exponent), scale * slow**-exponent / exponent
 
 
@@ -48,7 +53,7 @@ def integrate(step: float, steady: Array, slope: Array, k: Mapping[str, Array]) 
     k
         Parameters of the specimen and knobs, (lanes,) each.
     """
-    rate_of = _Rates(k)
+    rate_of = _Rates(k, spectrum(step))
     lanes = steady.shape[1]
     count = len(steady) // 2 + 1
     force, rate = np.empty((count, lanes)), np.empty((count, lanes))
@@ -70,7 +75,7 @@ def integrate(step: float, steady: Array, slope: Array, k: Mapping[str, Array]) 
 class _Rates:
     """Rates of the states (y, G, then what the lanes need); one row per state."""
 
-    def __init__(self, k: Mapping[str, Array]) -> None:
+    def __init__(self, k: Mapping[str, Array], times: Array) -> None:
         self.k = k
         self.has = {name: bool(np.any(k[name])) for name in ("c_2", "c_f", "F_d", "d_2", "k_c", "c_P", "k_a", "k_bump")}
         self.damper, self.spring = k["d_y"], 0.0
@@ -79,10 +84,10 @@ class _Rates:
             rows[0].append(k["c_2"])
             rows[1].append(1 / k["tau_2"])
         if self.has["c_f"]:
-            stiffness, fast, self.spring = fractional_parts(k["c_f"], k["a_f"])
+            stiffness, fast, self.spring = fractional_parts(times, k["c_f"], k["a_f"])
             self.damper = self.damper + fast
             rows[0].extend(stiffness)
-            rows[1].extend(np.broadcast_to(1 / SPECTRUM[:, None], stiffness.shape))
+            rows[1].extend(np.broadcast_to(1 / times[:, None], stiffness.shape))
         self.stiffness, self.relaxation = np.array(rows[0]), np.array(rows[1])
         self.branches = len(self.stiffness)
         self.friction = self.branches + 1

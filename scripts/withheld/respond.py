@@ -43,8 +43,9 @@ class Case:
 def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[Array]:
     """Force [N] of each test at its samples, without noise.
 
-    ``step`` is that of the integration of sines in s; a sine that is sampled faster gets half of it; friction, which is
-    stiff, and a mass, whose force is a derivative, get a quarter of that.
+    ``step`` is that of the integration of sines in s; a sine that is sampled faster gets half of it, and half of that a
+    fractional element, for its fastest relaxations; friction, which is stiff, and a mass, whose force is a derivative,
+    get a quarter.
     """
     result: list[Array] = [np.empty(0)] * len(jobs)
     values = [case.values(test.kind) for case, test in jobs]
@@ -56,7 +57,7 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             inner = (v for name, v in values[i].items() if name not in BEHIND)
             # a mass acts behind the tyre, but asks for steps of its own
             sharing.setdefault((test, bool(values[i]["m_b"]), *inner), []).append(i)
-    groups: dict[tuple[object, ...], list[list[int]]] = {}
+    groups: dict[tuple[str, float, bool, tuple[bool, ...], bool, bool], list[list[int]]] = {}
     for members in sharing.values():
         test, v = jobs[members[0]][1], values[members[0]]
         states = tuple(bool(v[name]) for name in ("c_2", "c_f", "F_d"))
@@ -64,7 +65,7 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
         extra = any(v[name] for name in ("k_c", "k_a", "c_P", "k_bump", "d_2"))
         coupled = bool(v["kappa_s"] or v["kappa_z"])
         groups.setdefault((test.kind, test.rate, extra, states, coupled, finer), []).append(members)
-    for (kind, sampling, *_, coupled, finer), lanes in groups.items():
+    for (kind, sampling, _, (_, fractional, _), coupled, finer), lanes in groups.items():
         # tests of like length side by side; the shorter ones run on, unheeded
         lanes.sort(key=lambda members: -jobs[members[0]][1].duration)
         for start in range(0, len(lanes), LANES):
@@ -72,7 +73,7 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             first = [members[0] for members in part]
             # of a step test only the settled half counts
             usual = max(step, COARSE) if kind == "step" else step
-            fine = usual / (2 if sampling > RATE else 1) / (4 if finer else 1)
+            fine = usual / (2 if sampling > RATE else 1) / (2 if fractional and usual < COARSE else 1) / (4 if finer else 1)
             force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
             for lane, members in enumerate(part):
                 for i in members:

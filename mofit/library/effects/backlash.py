@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 #: time in which a state follows its signal, s; it is felt only where the signal turns
-FOLLOWING = 2e-3
+FOLLOWING = 5e-4
 
 
 class Backlash(Effect):

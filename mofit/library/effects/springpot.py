@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 #: relaxation times, s
-TIMES = np.geomspace(2e-3, 3.0, 8)
+TIMES = np.geomspace(1e-3, 3.0, 8)
 
 
 class Springpot(Effect):
     r"""Spring force plus :math:`c_f D^a y` [N], :math:`0 < a < 1`: the power-law relaxation of filled rubber.
 
-    The relaxation modulus :math:`c_f t^{-a} / \Gamma(1 - a)` is a continuum of Maxwell branches, here one per
-    logarithmic interval :math:`\Delta` of relaxation time (Oustaloup); those still slower are springs, those still
+    The relaxation modulus :math:`c_f t^{-a} / \Gamma(1 - a)` is a continuum of Maxwell branches over the logarithm of
+    their relaxation time, here one per :math:`\Delta` (trapezoidal rule); those still slower are springs, those still
     faster are dampers, which the first branch carries on top:
 
     .. math::
         c_f D^a y \approx \sum_i c_i (y - y_i) + c_\infty y, \quad \tau_i \dot y_i = y - y_i, \quad
-        c_i = c_f \frac{\sin \pi a}{\pi} \, \frac{2 \sinh (a \Delta / 2)}{a} \, \tau_i^{-a}, \quad
+        c_i = c_f \frac{\sin \pi a}{\pi} \, \Delta \, \tau_i^{-a}, \quad
         c_\infty = c_f \frac{\sin \pi a}{\pi a} (\tau_8 e^{\Delta / 2})^{-a}
 
-    Within 3 % in modulus and 3° in phase from 0.1 to 12 Hz for a from 0.1 to 0.6. Fingerprint: odd harmonics, the same
+    Within 1 % in modulus and 1° in phase from 0.3 to 12 Hz for a from 0.1 to 0.6. Fingerprint: odd harmonics, the same
     loss at all f.
     """
 
@@ -49,7 +49,7 @@ class Springpot(Effect):
         width = np.log(TIMES[1] / TIMES[0])
         scale = s.c_f * ca.sin(np.pi * a) / np.pi / a
         stretch = {state.name: y - getattr(s, state.name) for state in self.states}
-        weights = [2 * ca.sinh(a * width / 2) * time**-a for time in TIMES]
+        weights = [a * width * time**-a for time in TIMES]
         weights[0] += a / (1 - a) * (TIMES[0] * np.exp(-width / 2)) ** (1 - a) / TIMES[0]
         branches = sum(weight * gap for weight, gap in zip(weights, stretch.values(), strict=True))
         slower = (TIMES[-1] * np.exp(width / 2)) ** -a
