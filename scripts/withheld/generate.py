@@ -25,7 +25,7 @@ from typing import Any
 
 from campaign_writer import write_file
 from causes import table
-from hidden import Slot, case_of, label, setting, slots
+from hidden import Slot, case_of, labels_of, setting, slots
 from respond import respond
 from sealed import seal, unseal
 from specimen import add_noise
@@ -57,7 +57,7 @@ def main() -> None:
 
 def make(part: list[Slot], known: Mapping[str, dict[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
     """Write some campaigns, and return the labels of those that are not known yet."""
-    fresh = {slot.campaign: label(slot) for slot in part if slot.campaign not in known}
+    fresh = labels_of([slot for slot in part if slot.campaign not in known])
     entries = {**known, **fresh}
     settings = [setting(slot)[1] for slot in part]
     jobs = [

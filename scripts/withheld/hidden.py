@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from respond import Case, respond
 from rig_tests import RigTest, programme
 from specimen import NOISES, draw_specimen
-from strength import Ground, ground, largest, shrinkage, sized
+from strength import Ground, grounds, largest, shrinkage, sized
 
 #: every second campaign draws the strength, the others the size as a multiple of the typical one, both on a log scale
 RANGE, MULTIPLES = (8.0, 2000.0), (0.3, 2.0)
@@ -65,14 +65,26 @@ def setting(slot: Slot) -> tuple[dict[str, float], tuple[RigTest, ...]]:
 
 def label(slot: Slot) -> dict[str, Any]:
     """What a campaign hides, how strong that is, and what could be mistaken for it (see `strength`)."""
+    return labels_of([slot])[slot.campaign]
+
+
+def labels_of(wanted: Sequence[Slot]) -> dict[str, dict[str, Any]]:
+    """The same of several campaigns, by name."""
+    hiding = [slot for slot in wanted if slot.case != "none"]
+    places = grounds([(*setting(slot), slot.noise) for slot in hiding])
+    judged = dict(zip(hiding, places, strict=True))
+    return {slot.campaign: _label(slot, judged.get(slot)) for slot in wanted}
+
+
+def _label(slot: Slot, place: Ground | None) -> dict[str, Any]:
     specimen, tests = setting(slot)
     entry: dict[str, Any] = {
         "seed": slot.seed, "case": slot.case, "cause": slot.cause, "number": slot.number, "noise": slot.noise,
         "specimen": specimen, "causes": [],
     }  # fmt: skip
-    if slot.case == "none":
+    if place is None:
         return entry
-    rng, place = slot.rng(1), ground(specimen, tests, slot.noise)
+    rng = slot.rng(1)
     chosen = _pair(place, rng) if slot.case == "pair" else [_single(place, slot, rng)]
     kinds = {knob: drawn.place for drawn, _ in chosen for knob in drawn.at(1.0)}
     while not _stands(Case(specimen, _merged(drawn.at(m) for drawn, m in chosen), kinds), tests):

@@ -16,7 +16,7 @@ from scipy.special import gamma
 
 Array = NDArray[np.float64]
 
-#: longest relaxation time of the fractional element, s, and the shortest in a test whose steps are no shorter than usual
+#: longest relaxation time of the fractional element, s, and the shortest where steps are not shorter than usual
 SLOWEST, FASTEST = 200.0, 4e-3
 #: deflection at which the bump stop is met, m
 BUMP = 6e-3

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 #: keeps the slip finite at standstill, m/s: part of the slip's definition (eq. 3 of the paper)
 FICTITIOUS = 0.01
-LANES = 400
+LANES = 1600
 #: integration step of step tests, s
 COARSE = 1e-2
 #: forces that act back on angle or load are iterated over the whole record until they stand, N
@@ -73,8 +73,10 @@ def respond(jobs: Sequence[tuple[Case, RigTest]], step: float = 2.5e-3) -> list[
             first = [members[0] for members in part]
             # of a step test only the settled half counts
             usual = max(step, COARSE) if kind == "step" else step
-            fine = usual / (2 if sampling > RATE else 1) / (2 if fractional and usual < COARSE else 1) / (4 if finer else 1)
-            force, rate, inner = _rolling([jobs[i][1] for i in first], [values[i] for i in first], fine, coupled)
+            parts = (2 if sampling > RATE else 1) * (2 if fractional and usual < COARSE else 1) * (4 if finer else 1)
+            force, rate, inner = _rolling(
+                [jobs[i][1] for i in first], [values[i] for i in first], usual / parts, coupled
+            )
             for lane, members in enumerate(part):
                 for i in members:
                     test = jobs[i][1]

@@ -56,8 +56,7 @@ class Ground:
 
     def gaps(self, knobs: Sequence[Mapping[str, float]], kinds: Mapping[str, Sequence[str]]) -> Array:
         """White rows of the change that each setting of the knobs makes, (m, settings)."""
-        cases = [Case(self.specimen, knob, kinds) for knob in knobs]
-        return _changes(self.specimen, self.tests, self.noise, self.clean, cases)
+        return _changes([self], [[Case(self.specimen, knob, kinds) for knob in knobs]])[0]
 
     def newtons(self, rows: Array, test: int) -> float:
         """RMS [N] of white rows (m,) within a test (of coloured noise: of the frequencies where it is white)."""
@@ -129,25 +128,44 @@ class Ground:
 
 def ground(specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, library: bool = True) -> Ground:
     """Derivatives by parameters and, with ``library``, by all known effects in the sine tests."""
-    judged = tuple(replace(t, duration=SETTLED) if t.kind == "step" else t for t in tests)
-    clean = tuple(respond([(Case(specimen), t) for t in judged], STEP))
-    changed = [Case({**specimen, name: value * (1 + _CHANGE)}) for name, value in specimen.items() if name in CENTRE]
+    return grounds([(specimen, tests, noise)], library)[0]
+
+
+def grounds(places: Sequence[tuple[Mapping[str, float], Sequence[RigTest], str]], library: bool = True) -> list[Ground]:
+    """The same of several specimens in their tests and noise, side by side: that takes less time."""
     settings = [(cause, *setting) for cause in (LIBRARY if library else ()) for setting in _settings(cause)]
-    cases = [Case(specimen, knobs, dict.fromkeys(knobs, place)) for _, _, place, knobs in settings]
-    rows = _changes(specimen, judged, noise, clean, [*changed, *cases])
+    judged = [tuple(replace(t, duration=SETTLED) if t.kind == "step" else t for t in tests) for _, tests, _ in places]
+    usual = [Case(specimen) for specimen, _, _ in places]
+    records = _responses([[(case, t) for t in tests] for case, tests in zip(usual, judged, strict=True)])
+    cases = [
+        [Case({**specimen, name: value * (1 + _CHANGE)}) for name, value in specimen.items() if name in CENTRE]
+        + [Case(specimen, knobs, dict.fromkeys(knobs, place)) for _, _, place, knobs in settings]
+        for specimen, _, _ in places
+    ]
+    bare = [
+        Ground(specimen, tests, noise, tuple(clean), _places(tests), np.empty((0, 0)), {})
+        for (specimen, _, noise), tests, clean in zip(places, judged, records, strict=True)
+    ]
+    return [_complete(one, rows, settings) for one, rows in zip(bare, _changes(bare, cases), strict=True)]
+
+
+def _places(tests: Sequence[RigTest]) -> tuple[slice, ...]:
+    """Rows of each test."""
+    lengths = [_length(t) for t in tests]
+    return tuple(slice(end - n, end) for end, n in zip(np.cumsum(lengths), lengths, strict=True))
+
+
+def _complete(
+    bare: Ground, rows: Array, settings: Sequence[tuple[Cause, int, tuple[str, ...], dict[str, float]]]
+) -> Ground:
+    """With the derivatives that the changed rows (m, 8 + settings) show."""
     directions: dict[str, dict[int, list[Array]]] = {}
-    for column, (cause, group, _, _) in zip(rows[:, len(changed) :].T, settings, strict=True):
+    for column, (cause, group, _, _) in zip(rows[:, len(CENTRE) :].T, settings, strict=True):
         directions.setdefault(cause.name, {}).setdefault(group, []).append(column)
-    lengths = [_length(t) for t in judged]
-    ends = np.cumsum(lengths)
-    return Ground(
-        specimen,
-        judged,
-        noise,
-        clean,
-        tuple(slice(end - n, end) for end, n in zip(ends, lengths, strict=True)),
-        rows[:, : len(changed)] / _CHANGE,
-        {name: tuple(np.stack(c, axis=1) for c in found.values()) for name, found in directions.items()},
+    return replace(
+        bare,
+        jacobian=rows[:, : len(CENTRE)] / _CHANGE,
+        directions={name: tuple(np.stack(c, axis=1) for c in found.values()) for name, found in directions.items()},
     )
 
 
@@ -233,23 +251,39 @@ def _shift(jacobian: Array, gap: Array) -> Array:
     return shift
 
 
-def _changes(
-    specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, clean: Sequence[Array], cases: Sequence[Case]
-) -> Array:
-    usual = Case(specimen)
+def _responses(jobs: Sequence[Sequence[tuple[Case, RigTest]]]) -> list[list[Array]]:
+    """Records of several lists of tests at once."""
+    records = iter(respond([job for part in jobs for job in part], STEP))
+    return [[next(records) for _ in part] for part in jobs]
+
+
+def _changes(places: Sequence[Ground], cases: Sequence[Sequence[Case]]) -> list[Array]:
+    """White rows (m, cases) of what cases change in each place."""
     # a test in which nothing is turned stays as it is
-    jobs = [(case, test) for case in cases for test in tests if case.values(test.kind) != usual.values(test.kind)]
-    forces = {(id(case), test.name): force for (case, test), force in zip(jobs, respond(jobs, STEP), strict=True)}
-    columns = [
-        np.concatenate(
-            [
-                _white(forces.get((id(case), test.name), base) - base, test, noise, base)
-                for test, base in zip(tests, clean, strict=True)
-            ]
-        )
-        for case in cases
+    jobs = [
+        [
+            (case, test)
+            for case in own
+            for test in place.tests
+            if case.values(test.kind) != Case(place.specimen).values(test.kind)
+        ]
+        for place, own in zip(places, cases, strict=True)
     ]
-    return np.stack(columns, axis=1) if columns else np.empty((sum(map(_length, tests)), 0))
+    found = []
+    for place, own, asked, records in zip(places, cases, jobs, _responses(jobs), strict=True):
+        forces = {(id(case), test.name): force for (case, test), force in zip(asked, records, strict=True)}
+        columns = [
+            np.concatenate(
+                [
+                    _white(forces.get((id(case), test.name), base) - base, test, place.noise, base)
+                    for test, base in zip(place.tests, place.clean, strict=True)
+                ]
+            )
+            for case in own
+        ]
+        empty = np.empty((sum(map(_length, place.tests)), 0))
+        found.append(np.stack(columns, axis=1) if columns else empty)
+    return found
 
 
 def _white(change: Array, test: RigTest, noise: str, clean: Array) -> Array:
