@@ -154,7 +154,8 @@ def _refitted(
                 max_nfev=evaluations,
             ).x
         slopes = rows(tuple(point))[1]
-        carried, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
+        # LAPACK would print of what is not finite
+        carried, _, rank, _ = np.linalg.lstsq(*np.hsplit(np.asarray_chkfinite(slopes), [len(names)]))
         if rank == len(names):
             return point, np.asarray(carried, dtype=np.float64)
     return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)

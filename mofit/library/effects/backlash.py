@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mofit.model import Symbols
 
 #: time in which a state follows its signal, s; it is felt only where the signal turns
-FOLLOWING = 5e-4
+FOLLOWING = 1e-3
 
 
 class Backlash(Effect):
