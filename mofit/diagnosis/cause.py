@@ -153,9 +153,9 @@ def _refitted(
                 x_scale="jac",
                 max_nfev=evaluations,
             ).x
-        slopes = rows(tuple(point))[1]
         # LAPACK would print of what is not finite
-        carried, _, rank, _ = np.linalg.lstsq(*np.hsplit(np.asarray_chkfinite(slopes), [len(names)]))
+        slopes = np.asarray_chkfinite(rows(tuple(point))[1])
+        carried, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
         if rank == len(names):
             return point, np.asarray(carried, dtype=np.float64)
     return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)

@@ -114,8 +114,22 @@ def attribute(
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right
         state = state.extended(baseline, _promising(screened, thresholds.hopeless), progress)
     for count in range(1, thresholds.most_effects):
+        # of three effects, two would have explained more
+        if count > 1 and _share_left(state) > thresholds.near:
+            break
         state = _one_more(state, count, progress)
     return Attribution(baseline, left, tuple(screened), state.found, remaining(state.best.fitted))
+
+
+def _share_left(state: _Search) -> float:
+    """Share of the white squares beyond the noise that the best explanation leaves of the baseline's."""
+    where = state.baseline.hypothesis.observed.repeating
+    noise = where.sum()
+    left, whole = (
+        float(np.sum(fitted.residual[: len(where)][where] ** 2)) - noise
+        for fitted in (state.best.fitted, state.baseline)
+    )
+    return left / whole if whole > 0 else 0.0
 
 
 def _one_more(state: _Search, count: int, progress: Progress) -> _Search:

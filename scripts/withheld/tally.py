@@ -106,9 +106,10 @@ def figures(
     alarms = [p.verdict != "none" for p in by_case["none"]]
     rounds = [{p.campaign: p for p in found} for found in (pairings, *after_next)]
     last = {campaign: p for found in rounds for campaign, p in found.items()}
-    claimed = [
-        (p, after[c]) for before, after in pairwise(rounds) for c, p in before.items() if claims(p) and c in after
+    advised = [
+        (p, after[c]) for before, after in pairwise(rounds) for c, p in before.items() if advises(p) and c in after
     ]
+    claimed = [(before, after) for before, after in advised if claims(before)]
     return {
         "campaigns": {case: len(found) for case, found in by_case.items()},
         "none": {
@@ -149,6 +150,8 @@ def figures(
             "claimed": sum(claims(p) for found in rounds for p in found.values()),
             "resolved": share(after.exact for _, after in claimed),
             "parted": share(_parted(before, after) for before, after in claimed),
+            "all": share(after.exact for _, after in advised),
+            "all_foreseen": mean([float(before.result["next_test"].get("chance", 0.0)) for before, _ in advised]),
         },
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})

@@ -80,6 +80,8 @@ def page(
         f"| … 90 % intervals cover | {_share(size['covered'])} | |",
         f"| advised next test resolves its group | {_share(found['next_test']['resolved'])} | ≥ 95 % |",
         f"| … parts it: others than before may be named beside the truth | {_share(found['next_test']['parted'])} | |",
+        f"| … of all that were run, those without a claim too | {_share(found['next_test']['all'])} | |",
+        f"| … … the mean of the chances that were said | {_percent(found['next_test']['all_foreseen'])} | |",
         f"| seconds of processor time per diagnosis, median / 90 % | {_pair(found['seconds'])} | ≤ 30 |",
         "",
         "## By effect (strong)",

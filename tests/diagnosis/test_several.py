@@ -2,7 +2,13 @@
 
 from types import SimpleNamespace
 
-from mofit.diagnosis.several import _best_extensions
+import pytest
+from damper_rig import damper_fit
+
+from mofit.diagnosis.candidates import prepare
+from mofit.diagnosis.several import _best_extensions, attribute
+from mofit.diagnosis.thresholds import Thresholds
+from mofit.library import find_effect
 
 
 def tried(criterion, *effects):
@@ -32,3 +38,13 @@ def test_what_betters_nothing_is_not_tried():
 
 def test_six_sets_at_most():
     assert len(extensions([tried(100.0, "a")], [scores(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
+
+
+@pytest.mark.parametrize(("near", "most"), [(0.5, 2), (1.0, 3)])
+def test_a_third_effect_is_looked_for_only_where_two_explain_most(near: float, most: int):
+    """Of friction's gap delay and inertia leave more than half of the squares."""
+    baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
+    names = ("asymmetric_stiffness", "delay", "inertia", "quadratic_damping")
+    candidates = [prepare(baseline, find_effect(name)) for name in names]
+    found = attribute(baseline, candidates, Thresholds(near=near))
+    assert max(len(explanation.effects) for explanation in found.explanations) == most

@@ -91,7 +91,8 @@ def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
         ("sine_2_50Hz", 0.5),
         ("sine_4_00Hz", 0.5),
         ("sine_6_00Hz_8deg_36kmh", 1.2),
-        # the springpot's spectrum ends at 4 ms; a tenth of the noise
+        # a tenth of the noise: the fourth difference of 20 samples per period is inertia's
+        ("sine_16_00Hz_2deg_90kmh", 2.0),
         ("sine_20_00Hz_2deg_90kmh", 2.0),
     ):
         (force,), test = respond([(case, tests[name])]), tests[name]

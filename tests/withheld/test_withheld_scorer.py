@@ -144,13 +144,15 @@ def test_sizes_of_two_parts_are_compared_part_by_part():
 
 
 def test_the_removed_effect_and_the_next_test():
-    alike = said("group", "delay", "speed", next_test={"resolves": True})
-    rows = pairs(*[(hidden("effect", "delay"), alike)] * 4)
+    alike = said("group", "delay", "speed", next_test={"resolves": True, "chance": 0.99})
+    unsure = said("group", "delay", "speed", next_test={"resolves": False, "chance": 0.49})
+    rows = pairs(*[(hidden("effect", "delay"), one) for one in (alike, alike, alike, alike, unsure)])
     after = pairs(
         (hidden("effect", "delay"), said("effect", "delay")),
         (hidden("effect", "delay"), said("group", "delay", "drift")),
         (hidden("effect", "delay"), said("group", "delay", "speed")),
         (hidden("effect", "delay"), said("effect", "drift")),
+        (hidden("effect", "delay"), said("effect", "delay")),
     )
     without = pairs(
         (hidden("effect", "delay"), said("unknown")),
@@ -162,8 +164,10 @@ def test_the_removed_effect_and_the_next_test():
     assert found["next_test"]["claimed"] == 4
     assert found["next_test"]["resolved"]["hits"] == 1
     assert found["next_test"]["parted"]["hits"] == 2
-    assert found["next_tests_run"] == [4, 1]
-    assert found["strong_with_next_test"]["exact"]["hits"] == 2
+    assert (found["next_test"]["all"]["hits"], found["next_test"]["all"]["count"]) == (2, 5)
+    assert found["next_test"]["all_foreseen"] == pytest.approx(0.89)
+    assert found["next_tests_run"] == [5, 1]
+    assert found["strong_with_next_test"]["exact"]["hits"] == 3
     assert found["without_the_true_one"]["said_unknown"]["count"] == 2
     assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
 

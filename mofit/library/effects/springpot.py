@@ -29,7 +29,7 @@ class Springpot(Effect):
         c_i = c_f \frac{\sin \pi a}{\pi} \, \Delta \, \tau_i^{-a}, \quad
         c_\infty = c_f \frac{\sin \pi a}{\pi a} (\tau_8 e^{\Delta / 2})^{-a}
 
-    Within 1 % in modulus and 1° in phase from 0.3 to 12 Hz for a from 0.1 to 0.6. Fingerprint: odd harmonics, the same
+    Within 1 % in modulus and 1° in phase from 0.2 to 12 Hz for a from 0.1 to 0.6. Fingerprint: odd harmonics, the same
     loss at all f.
     """
 
