@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from mofit.campaign import Campaign
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.cause import Cause, causes
-from mofit.diagnosis.hypothesis import drives_of, tamed, with_enough_steps
+from mofit.diagnosis.hypothesis import drives_of
+from mofit.diagnosis.steps import tamed, with_enough_steps
 from mofit.drives import lacking
 from mofit.errors import InputError
 from mofit.kernel import Simulator

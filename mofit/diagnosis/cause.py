@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mofit.calibration import Calibration
+from mofit.diagnosis.steps import tamed, with_enough_steps
 from mofit.diagnosis.workshop import Workshop
+from mofit.kernel import Simulator
 from mofit.model import Effect, why_not, with_effects
 from mofit.parameters import ParameterSpace
 
@@ -20,6 +22,8 @@ Array = NDArray[np.float64]
 
 #: Runge-Kutta steps per sample in the stages' tests, which are slow.
 _STEPS = 4
+#: What halving the steps of an effect with states may change: of all white samples together, and relatively of slopes.
+_STEP_ERROR, _SLOPE_ERROR = 0.3, 0.03
 #: Most evaluations of a stage that is fitted anew with an effect.
 _EVALUATIONS = 30
 
@@ -130,11 +134,10 @@ def _refitted(
         with_effects(stage.model, effect), stage.drives, (*names, *effect.size), _STEPS
     )
 
-    @lru_cache(maxsize=1)
-    def rows(point: tuple[float, ...]) -> tuple[Array, Array]:
+    def simulated(at: Simulator, point: Sequence[float]) -> tuple[Array, Array]:
         """White residual (m,) and minus its derivative by the stage's parameters and the size, (m, k + q)."""
         here = {**stage.fixed, **own, **dict(zip(names, point, strict=True))}
-        stored = simulator.sensitivities(np.array([[here[name] for name in system.parameters]]))
+        stored = at.sensitivities(np.array([[here[name] for name in system.parameters]]))
         residuals, slopes = [], []
         for drive, weight, (output, slope) in zip(stage.drives, stage.noise.weights, stored, strict=True):
             scale = np.sqrt(weight * drive.weights)
@@ -143,6 +146,13 @@ def _refitted(
         return np.concatenate(residuals), np.concatenate(slopes)
 
     point = np.array([start[name] for name in names])
+    if effect.states:
+        simulator = _fine_enough(simulator, lambda at: simulated(at, point.tolist()))
+
+    @lru_cache(maxsize=1)
+    def rows(point: tuple[float, ...]) -> tuple[Array, Array]:
+        return simulated(simulator, point)
+
     # trial steps may leave what can be simulated
     with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         if evaluations:
@@ -159,3 +169,18 @@ def _refitted(
         if rank == len(names):
             return point, np.asarray(carried, dtype=np.float64)
     return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
+
+
+def _fine_enough(simulator: Simulator, rows: Callable[[Simulator], tuple[Array, Array]]) -> Simulator:
+    """The simulator with as many steps as residual and slopes need: a stage that is unstable says nothing."""
+
+    def both(at: Simulator) -> Array:
+        residual, slopes = rows(at)
+        return tamed(np.column_stack([residual, slopes]))
+
+    def change(coarse: Array, fine: Array) -> float:
+        residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
+        sizes = np.linalg.norm(fine, axis=0)[1:] + np.finfo(float).tiny
+        return float(max(residual / _STEP_ERROR, np.max(slopes / sizes) / _SLOPE_ERROR))
+
+    return with_enough_steps(simulator, both, change, 1.0, _STEPS)[0]

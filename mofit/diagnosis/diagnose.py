@@ -180,14 +180,17 @@ class _Case:
     def doubtful(self) -> tuple[Explanation, ...]:
         """Explanations for a next test to part: where some are alike, those, and others that are not ruled out.
 
-        One that has all the effects of one alike, and more, cannot be parted from it.
+        One that has all the effects of one alike, and more, cannot be parted from it. In the calibration tests or not:
+        both ways count.
         """
         alike, limit = self.conclusion.alike, self.found.best.criterion + self.thresholds.possible
         if len(alike) < 2:
             return alike
         known = {one.effects for one in alike} | {()}
         others = [one for one in self.found.explanations if one.effects not in known and one.criterion < limit]
-        return (*alike, *(one for one in others if not any({*few.effects} < {*one.effects} for few in alike)))
+        others = [one for one in others if not any({*few.effects} < {*one.effects} for few in alike)]
+        ways = [one.other_way for one in (*alike, *others) if one.other_way is not None]
+        return (*alike, *others, *(one for one in ways if one.criterion < limit))
 
     def singly(self, thresholds: Thresholds) -> _Case:
         """The same with explanations of one effect alone."""

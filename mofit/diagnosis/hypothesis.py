@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mofit.diagnosis.cause import Cause
 from mofit.diagnosis.observed import Observed
+from mofit.diagnosis.steps import FEWEST_STEPS, RUNAWAY, bounded, tamed, with_enough_steps
 from mofit.drives import to_drive
 from mofit.kernel import Drive, Simulator
 from mofit.model import Effect, System, with_effects
@@ -20,14 +21,8 @@ Array = NDArray[np.float64]
 
 #: Change of a white row by halving the integration steps that is let pass: noise is 1 there.
 _STEP_ERROR = 0.05
-#: Fewest and most Runge-Kutta steps per sampling interval: what is stiffer, a dry friction, takes too long to fit.
-_FEWEST_STEPS, _MOST_STEPS = 1, 16
 #: Most numbers in the Jacobians that are computed at once: 80 MB.
 _NUMBERS = 10**7
-#: Where an unstable integration has gone: no output or derivative is as large.
-RUNAWAY = 1e100
-#: White rows and slopes this large come from an unstable integration, too.
-_WILD = 1e20
 
 
 @dataclass(frozen=True)
@@ -161,23 +156,13 @@ class Hypothesis:
         return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _STEP_ERROR)[0])
 
 
-def bounded(values: Array) -> bool:
-    """Whether no value comes from an unstable integration."""
-    return bool((np.abs(values) < _WILD).all())
-
-
-def tamed(values: Array) -> Array:
-    """Values with what an unstable integration has made of them kept finite."""
-    return np.clip(np.nan_to_num(values, nan=RUNAWAY), -RUNAWAY, RUNAWAY)
-
-
 def hypothesis(observed: Observed, causes: Sequence[Cause] = ()) -> Hypothesis:
     """The problem's model with these effects, all parameters free."""
     problem, effects = observed.problem, [cause.effect for cause in causes]
     model = with_effects(problem.model, *effects)
     space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
     drives = drives_of(observed, effects)
-    system, simulator = observed.workshop.simulator(model, drives, space.names, _FEWEST_STEPS)
+    system, simulator = observed.workshop.simulator(model, drives, space.names, FEWEST_STEPS)
     return Hypothesis(observed, tuple(causes), space, system, simulator)
 
 
@@ -191,21 +176,3 @@ def drives_of(observed: Observed, effects: Sequence[Effect]) -> Sequence[Drive]:
         to_drive(model, measurement, record, settled=False)
         for measurement, record in zip(problem.measurements, problem.records, strict=True)
     ]
-
-
-def with_enough_steps(
-    simulator: Simulator, rows: Callable[[Simulator], Array], change: Callable[[Array, Array], float], allowed: float
-) -> tuple[Simulator, Array]:
-    """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
-    steps, coarse = _FEWEST_STEPS, None
-    while coarse is None or 2 * steps <= _MOST_STEPS:
-        # the finer one first: the loop that is compiled for it serves the coarser one too
-        fine = rows(simulator.with_steps(2 * steps))
-        here = simulator.with_steps(steps)
-        coarse = rows(here) if coarse is None else coarse
-        # two integrations that ran away are alike as well
-        stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
-        if stable and change(coarse, fine) <= allowed:
-            return here, coarse
-        steps, coarse = 2 * steps, fine
-    return simulator.with_steps(steps), coarse

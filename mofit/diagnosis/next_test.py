@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from mofit.campaign import Measurement, Procedure
 from mofit.diagnosis.baseline import Fitted
+from mofit.diagnosis.foresee import Foreseen, foresee, ruled_out
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.refit import Explanation
 from mofit.diagnosis.verdict import weights
@@ -23,8 +23,8 @@ from mofit.signals import Record
 
 Array = NDArray[np.float64]
 
-#: Length of a test that is tried, s, and the longest that is proposed: the noncentrality grows with it.
-_SECONDS, _LONGEST = 20.0, 240.0
+#: Length of a test that is tried, s, and the longest that is proposed.
+_SECONDS, _LONGEST = 20.0, 600.0
 #: Periods at the start that are not judged.
 _SETTLING = 1.0
 #: Factors on the largest frequency, on the usual amplitude, and on the usual speed of the campaign that are tried.
@@ -35,12 +35,12 @@ _RATES = (1, 2, 4)
 #: Samples per period that a sampling rate must give: with 12 the third harmonic of a delayed force is off by 1 %, which
 #: a quiet rig sees.
 _FEWEST_SAMPLES = 16
-#: Part of the noncentrality that is counted on: it is linear, and foreseen with a size that is itself uncertain.
-_COUNTED = 0.5
 #: Times less probable that a rival is to become.
 _ODDS = 10.0
 #: Chance to part explanations from which a test does so surely, and the one that it is made long enough for.
-_SURE, _AIM = 0.98, 0.99
+_SURE, _AIM = 0.95, 0.98
+#: Share of the explanations that the longest test rules out, which is enough where it does not part all surely.
+_NEARLY = 0.98
 #: Chance from which a test is advised all the same.
 _WORTH = 0.5
 _STEPS = 8
@@ -58,11 +58,11 @@ class NextTest:
         The procedure: a sine in Hz, in the input's unit, in s, with samples in Hz; conditions that differ from the
         campaign's.
     separation
-        Smallest noncentrality over all pairs, with this test added to those there are.
+        Smallest lead over all pairs, in the criterion, that the right explanation is foreseen to gain by it.
     chance
         That one explanation alone is left, all others ten times less probable: expected from how probable they are.
     resolves
-        Whether that is sure enough, 0.98.
+        Whether that is sure enough, 0.95.
     parts
         Pairs of explanations that are separated so surely, each by the names of its effects.
     sentence
@@ -92,19 +92,26 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
         return None
     procedures = list(_procedures(observed, usual))
     answers = [_answers(observed, explanation.fitted, procedures) for explanation in alike]
-    gained = np.array([_gained(observed, alike, each, one) for *each, one in zip(*answers, procedures, strict=True)])
+    tests = [_foreseen(observed, alike, each, one) for *each, one in zip(*answers, procedures, strict=True)]
     likely = weights(alike)
     # no more samples at a high rate
-    longest = _LONGEST * np.array([procedure.step / usual.step for procedure in procedures])
-    best = int(np.argmax(likely @ ruled_out(longest[:, None, None] * gained, likely).sum(axis=-1).T))
+    longest = [_LONGEST * procedure.step / usual.step for procedure in procedures]
+    out = [_ruled_out(test, alike, likely, seconds)[1] for test, seconds in zip(tests, longest, strict=True)]
+    best = int(np.argmax([likely @ chances.sum(axis=1) for chances in out]))
     procedure, lengths = procedures[best], np.arange(_SECONDS, longest[best] + 1, 10.0)
-    alone = ruled_out(lengths[:, None, None] * gained[best], likely).prod(axis=-1) @ likely
-    chosen = int(np.argmax(alone >= _AIM)) if alone[-1] >= _AIM else -1
-    seconds, chance, here = float(lengths[chosen]), float(alone[chosen]), lengths[chosen] * gained[best]
+    found = [_ruled_out(tests[best], alike, likely, seconds) for seconds in lengths]
+    alone = np.array([likely @ chances.prod(axis=1) for _, chances in found])
+    gone = np.array([likely @ (chances * np.isfinite(leads)).sum(axis=1) for leads, chances in found])
+    enough = alone >= min(_AIM, alone[-1]) if alone[-1] >= _SURE else gone >= _NEARLY * gone[-1]
+    chosen = int(np.argmax(enough))
+    (leads, chances), seconds, chance = found[chosen], float(lengths[chosen]), float(alone[chosen])
     names = [" with ".join(explanation.effects) for explanation in alike]
-    pairs = ruled_out(here, likely) * likely[:, None]
-    different = [(i, j) for i, j in combinations(range(len(alike)), 2) if names[i] != names[j]]
-    parted = [(i, j) for i, j in different if pairs[i, j] + pairs[j, i] >= _SURE * (likely[i] + likely[j])]
+    surely: dict[tuple[str, str], bool] = {}
+    for i, j in combinations(range(len(alike)), 2):
+        if names[i] != names[j]:
+            told = chances[i, j] * likely[i] + chances[j, i] * likely[j] >= _SURE * (likely[i] + likely[j])
+            surely[names[i], names[j]] = surely.get((names[i], names[j]), True) and bool(told)
+    parted = tuple(pair for pair, told in surely.items() if told)
     conditions = {name: value for name, value in procedure.conditions.items() if value != usual.conditions.get(name)}
     rate = round(1 / procedure.step, 6)
     what = _what(observed, procedure, conditions, seconds, None if procedure.step == usual.step else rate)
@@ -115,31 +122,24 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
         duration=seconds,
         rate=rate,
         conditions=conditions,
-        separation=float(here.min()),
+        separation=float(leads.min()),
         chance=chance,
         resolves=chance >= _SURE,
-        parts=tuple((names[i], names[j]) for i, j in parted),
-        sentence=_sentence(what, chance, (len(parted), len(different)), names),
+        parts=parted,
+        sentence=_sentence(what, chance, (len(parted), len(surely)), names),
     )
 
 
-def ruled_out(noncentrality: Array, likely: Array) -> Array:
-    r"""Chance that a test makes a rival l ten times less probable than the explanation k that is right, (..., k, l).
-
-    Twice the lead of k in log likelihood grows by a normal number of mean :math:`\lambda_{kl}` and variance
-    :math:`4 \lambda_{kl}`. Half of the :math:`\lambda` foreseen is counted on.
-
-    Parameters
-    ----------
-    noncentrality
-        :math:`\lambda`, shape (..., k, l); infinite where there is nothing to part.
-    likely
-        Probability of each explanation before the test, (k,).
-    """
-    counted = np.clip(_COUNTED * noncentrality, 1e-9, 1e9)
-    share = np.log(np.maximum(likely, 1e-300))
-    ahead = 2 * (share[:, None] - share)
-    return np.asarray(norm.cdf((counted + ahead - 2 * np.log(_ODDS)) / (2 * np.sqrt(counted))))
+def _ruled_out(test: Foreseen, alike: Sequence[Explanation], likely: Array, seconds: float) -> tuple[Array, Array]:
+    """Mean lead, and chance to rule out, by explanation that is right and rival, (k, k)."""
+    mean, variance = np.full((2, len(alike), len(alike)), np.inf)
+    variance[:] = 1.0
+    for right, wrong in permutations(range(len(alike)), 2):
+        if alike[right].effects != alike[wrong].effects:
+            mean[right, wrong], variance[right, wrong] = test.lead(right, wrong, seconds)
+    # what runs away in this test is neither ruled out by it nor rules out
+    mean, variance = np.nan_to_num(mean, posinf=np.inf), np.nan_to_num(variance)
+    return mean, ruled_out(mean, variance, likely, _ODDS)
 
 
 def _usual(observed: Observed) -> Procedure | None:
@@ -236,34 +236,22 @@ def _drive(observed: Observed, model: Model, procedure: Procedure) -> Drive:
     return to_drive(model, stand_in, record, settled=False)
 
 
-def _gained(
+def _foreseen(
     observed: Observed,
     alike: Sequence[Explanation],
     answers: Sequence[tuple[Array, Array]],
     procedure: Procedure,
-) -> Array:
-    r"""Noncentrality per second of one procedure, by explanation that is right and rival that is fitted, (k, k).
-
-    .. math:: \lambda = \min_\delta \; |y_k - y_l - J_l \delta|^2 / \sigma^2 + \delta^T H_l \delta
-
-    with the Hessian of the tests there are: T-optimality (Atkinson & Fedorov 1975), linearised at the fits. The smaller
-    one of both directions counts for both.
-    """
-    count = len(alike)
-    found = np.full((count, count), np.inf)
-    noise = _noise(observed, procedure, answers[0][0])
-    for wrong, (output, slopes) in enumerate(answers):
-        free = alike[wrong].fitted.free
-        jacobian, columns = alike[wrong].fitted.jacobian[:, free], slopes[:, free] / np.sqrt(noise)
-        normal = columns.T @ columns + jacobian.T @ jacobian + np.eye(int(free.sum()))
-        for right, (truth, _) in enumerate(answers):
-            if alike[right].effects != alike[wrong].effects:
-                difference = (truth - output) / np.sqrt(noise)
-                pull = columns.T @ difference
-                found[right, wrong] = difference @ difference - pull @ np.linalg.solve(normal, pull)
+) -> Foreseen:
+    """One procedure, linearised at the fits."""
+    noise = np.sqrt(_noise(observed, procedure, answers[0][0]))
+    free = [explanation.fitted.free for explanation in alike]
+    known = []
+    for explanation, own in zip(alike, free, strict=True):
+        jacobian = explanation.fitted.jacobian[:, own]
+        known.append(jacobian.T @ jacobian + np.eye(int(own.sum())))
+    slopes = [columns[:, own] / noise for (_, columns), own in zip(answers, free, strict=True)]
     length = float(procedure.time[-1] + procedure.step)
-    found = np.nan_to_num(found, posinf=np.inf)
-    return np.minimum(found, found.T) / length
+    return foresee([output / noise for output, _ in answers], slopes, known, length)
 
 
 def _what(

@@ -12,8 +12,9 @@ from scipy.special import gammaln
 from mofit.diagnosis.baseline import Fitted, fit
 from mofit.diagnosis.candidates import moving
 from mofit.diagnosis.cause import recalibrated
-from mofit.diagnosis.hypothesis import Hypothesis, bounded, hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.screen import Screened
+from mofit.diagnosis.steps import bounded
 from mofit.errors import InputError
 
 Array = NDArray[np.float64]
@@ -36,10 +37,17 @@ class Explanation:
 
     with all white squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a gap,
     and c candidates: the last term is the price of having chosen (Chen & Chen 2008).
+
+    Attributes
+    ----------
+    other_way
+        The same effects, the last one in the calibration tests where here it is not, or the reverse, if that was fitted
+        too; its criterion is no smaller.
     """
 
     fitted: Fitted
     criterion: float
+    other_way: Explanation | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from mofit.progress import Progress, silent
 
 #: Most candidates that are refitted at once, and most sets of one more effect.
 _MOST, _EXTENSIONS = 12, 6
+#: Standard deviations by which too much must be left for a second effect not to be looked for; a third is rarer.
+_DOUBT = 2.0
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,8 @@ class _Search:
         # close to the best it matters whether the calibration tests had the effect
         for one in (other for contender in contenders if (other := contender.elsewhere) is not None):
             if (fitted := refit(base, [one], limit)) is not None:
-                made[one.name] = min(made[one.name], explain(fitted, len(self.candidates)), key=_order)
+                better, worse = sorted((made[one.name], explain(fitted, len(self.candidates))), key=_order)
+                made[one.name] = replace(better, other_way=worse)
         found = tuple(sorted((*self.found, *made.values()), key=_order))
         return _Search(self.baseline, self.candidates, self.thresholds, found)
 
@@ -114,22 +117,25 @@ def attribute(
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right
         state = state.extended(baseline, _promising(screened, thresholds.hopeless), progress)
     for count in range(1, thresholds.most_effects):
-        # of three effects, two would have explained more
-        if count > 1 and _share_left(state) > thresholds.near:
+        # of two effects that cause it, one would have explained more; of three, two
+        if _left(state, thresholds.near[count - 1], _DOUBT if count == 1 else 0.0):
             break
         state = _one_more(state, count, progress)
     return Attribution(baseline, left, tuple(screened), state.found, remaining(state.best.fitted))
 
 
-def _share_left(state: _Search) -> float:
-    """Share of the white squares beyond the noise that the best explanation leaves of the baseline's."""
+def _left(state: _Search, share: float, doubt: float) -> bool:
+    """Whether the best explanation leaves more than this share of the baseline's white squares beyond the noise.
+
+    What was gained is well known, the whole only as far as the noise's own squares are: by so many of their standard
+    deviations it may be less.
+    """
     where = state.baseline.hypothesis.observed.repeating
-    noise = where.sum()
+    noise = where.sum() + doubt * np.sqrt(2 * where.sum())
     left, whole = (
-        float(np.sum(fitted.residual[: len(where)][where] ** 2)) - noise
-        for fitted in (state.best.fitted, state.baseline)
+        float(np.sum(fitted.residual[: len(where)][where] ** 2)) for fitted in (state.best.fitted, state.baseline)
     )
-    return left / whole if whole > 0 else 0.0
+    return bool(whole - left < (1 - share) * (whole - noise))
 
 
 def _one_more(state: _Search, count: int, progress: Progress) -> _Search:

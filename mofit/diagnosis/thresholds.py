@@ -51,8 +51,8 @@ class Thresholds:
         Difference of the criterion up to which both ways are fitted in full, with the effect in the calibration tests
         and without.
     near
-        Share of the gap's white squares that two effects may leave for a third to be looked for: of three that cause
-        it, the best two explain more.
+        Shares of the gap's white squares that one effect and two may leave for one more to be looked for: of two that
+        cause it, the better one explains more, and of three the best two do.
     most_effects
         Most effects at once.
     """
@@ -74,7 +74,7 @@ class Thresholds:
     hopeless: float = 0.01
     next_promising: float = 0.5
     contender: float = 60.0
-    near: float = 0.5
+    near: tuple[float, ...] = (0.8, 0.5)
     most_effects: int = 3
 
     def roughly(self, coarseness: float) -> Thresholds:

@@ -13,23 +13,34 @@ Array = NDArray[np.float64]
 
 #: cycle of the angle encoder's error, rad
 ENCODER_CYCLE = np.deg2rad(0.8)
+#: times between two of integration at which play is followed
+BETWEEN = 8
 
 
 def patch_angle(test: RigTest, v: Mapping[str, float], time: Array) -> Array:
     """Slip angle of the patch [rad] at uniform times (n,), but for what the force does to it."""
-    angle = test.command(time)
     step = time[1]
-    if v["a_second"] and test.frequency:
-        angle = angle + v["a_second"] * np.sin(4 * np.pi * test.frequency * time + v["phase"])
-    if v["e_cyclic"]:
-        angle = angle + v["e_cyclic"] * np.sin(2 * np.pi * angle / ENCODER_CYCLE + v["phase"])
     if v["b_0"]:
-        angle = play(angle, v["b_0"])
+        # it rests where the drive turns, which is between two times
+        between = step / BETWEEN * np.arange(BETWEEN * (len(time) - 1) + 1)
+        angle = play(_driven(test, v, between), v["b_0"])[::BETWEEN]
+    else:
+        angle = _driven(test, v, time)
     angle = angle + v["alpha_0"]
     if v["sigma_c"]:
         angle = lag(angle, v["sigma_c"] / (test.speed * (1 + v["e_v"])), step)
     if v["L_patch"]:
         angle = _filled(angle, v["L_patch"] / (test.speed * (1 + v["e_v"])), step)
+    return angle
+
+
+def _driven(test: RigTest, v: Mapping[str, float], time: Array) -> Array:
+    """Angle of the steering drive [rad]."""
+    angle = test.command(time)
+    if v["a_second"] and test.frequency:
+        angle = angle + v["a_second"] * np.sin(4 * np.pi * test.frequency * time + v["phase"])
+    if v["e_cyclic"]:
+        angle = angle + v["e_cyclic"] * np.sin(2 * np.pi * angle / ENCODER_CYCLE + v["phase"])
     return angle
 
 

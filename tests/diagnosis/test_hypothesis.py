@@ -8,7 +8,8 @@ from damper_rig import WORKSHOP, damper_fit
 
 from mofit.calibration import calibrate
 from mofit.diagnosis.cause import causes, recalibrated
-from mofit.diagnosis.hypothesis import RUNAWAY, Hypothesis, hypothesis, with_enough_steps
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.steps import RUNAWAY, with_enough_steps
 from mofit.library import find_effect, find_model
 from mofit.objectives import GaussianPrior
 from mofit.parameters import ParameterSpace

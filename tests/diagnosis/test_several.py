@@ -40,8 +40,8 @@ def test_six_sets_at_most():
     assert len(extensions([tried(100.0, "a")], [scores(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
 
 
-@pytest.mark.parametrize(("near", "most"), [(0.5, 2), (1.0, 3)])
-def test_a_third_effect_is_looked_for_only_where_two_explain_most(near: float, most: int):
+@pytest.mark.parametrize(("near", "most"), [((0.1, 1.0), 1), ((1.0, 0.5), 2), ((1.0, 1.0), 3)])
+def test_one_more_effect_is_looked_for_only_where_little_is_left(near: tuple[float, float], most: int):
     """Of friction's gap delay and inertia leave more than half of the squares."""
     baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
     names = ("asymmetric_stiffness", "delay", "inertia", "quadratic_damping")

@@ -158,6 +158,18 @@ def test_backlash_is_the_play_operator():
     assert np.max(np.abs(plain - expected)) > 0.04 * np.max(np.abs(expected))
 
 
+def test_backlash_rests_where_a_fast_drive_turns():
+    """A state that lags by a millisecond would rest 0.3 mrad early."""
+    time = np.arange(400) / 400
+    angle, between = (0.035 * np.sin(2 * np.pi * 16 * t) for t in (time, np.arange(40000) / 40000))
+    expected = play(between, 5e-4)[::100]
+    model = extended("tmeasy_curve", "backlash")
+    arrived = output(model, {"b_0": 5e-4}, {"slip_angle": angle}, 1 / 400, ROLLING)
+    exact = output(find_model("tmeasy_curve"), {}, {"slip_angle": expected}, 1 / 400, ROLLING)
+    slope = (exact[1] - exact[0]) / (expected[1] - expected[0])
+    assert np.max(np.abs(arrived - exact)[50:]) < 3e-5 * slope
+
+
 def test_backlash_of_a_damper_holds_its_rate_too():
     time = np.arange(4000) / 1000
     x, v = 0.01 * np.sin(2 * np.pi * time), 0.02 * np.pi * np.cos(2 * np.pi * time)
