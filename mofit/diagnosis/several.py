@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.candidates import Candidate, as_seen_by
+from mofit.diagnosis.candidates import Candidate, as_seen_by, moving
 from mofit.diagnosis.refit import Explanation, explain, refit
 from mofit.diagnosis.remaining import Remaining, remaining
 from mofit.diagnosis.screen import Screened, screen
@@ -68,6 +68,10 @@ class _Search:
     def screened_at(self, base: Fitted) -> list[Screened]:
         return screen(base, as_seen_by(base, self.candidates))
 
+    def moved_by(self, base: Fitted) -> set[str]:
+        """Names of the candidates that need a condition which an effect of the fitted model moves."""
+        return {one.name for one in self.candidates if moving(base, one.effect.needs)}
+
     def extended(self, base: Fitted, added: Iterable[Screened], progress: Progress) -> _Search:
         """With refits of ``base`` plus each of the added effects."""
         present = [effect.name for effect in base.hypothesis.effects]
@@ -117,10 +121,9 @@ def attribute(
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right
         state = state.extended(baseline, _promising(screened, thresholds.hopeless), progress)
     for count in range(1, thresholds.most_effects):
-        # of two effects that cause it, one would have explained more; of three, two
-        if _left(state, thresholds.near[count - 1], _DOUBT if count == 1 else 0.0):
-            break
-        state = _one_more(state, count, progress)
+        # of two effects that cause it, one would have explained more, and of three two, unless one moves the other
+        far = _left(state, thresholds.near[count - 1], _DOUBT if count == 1 else 0.0)
+        state = _one_more(state, count, progress, only_moved=far)
     return Attribution(baseline, left, tuple(screened), state.found, remaining(state.best.fitted))
 
 
@@ -138,14 +141,25 @@ def _left(state: _Search, share: float, doubt: float) -> bool:
     return bool(whole - left < (1 - share) * (whole - noise))
 
 
-def _one_more(state: _Search, count: int, progress: Progress) -> _Search:
-    """Extend explanations of ``count`` effects by one more where something is left, those first that promise most."""
+def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) -> _Search:
+    """Extend explanations of ``count`` effects by one more where something is left, those first that promise most.
+
+    Maybe only by what an effect of theirs moves: at a wrong speed a wheel turns with a wrong frequency, and neither
+    explains anything alone.
+    """
     level = [explanation for explanation in state.found if len(explanation.effects) == count][:_MOST]
+    if only_moved:
+        level = [explanation for explanation in level if state.moved_by(explanation.fitted)]
     if not level:
         return state
     screened = [state.screened_at(level[0].fitted)]
     if min([remaining(level[0].fitted).p, *(one.p_holm for one in screened[0])]) < state.thresholds.more:
         screened += [state.screened_at(explanation.fitted) for explanation in level[1:]]
+        if only_moved:
+            moved = [state.moved_by(explanation.fitted) for explanation in level]
+            screened = [
+                [one for one in tests if one.name in names] for tests, names in zip(screened, moved, strict=True)
+            ]
         for base, added in _best_extensions(level, screened, state.thresholds.next_promising):
             state = state.extended(base, added, progress)
     best = state.best.effects

@@ -52,7 +52,7 @@ class Thresholds:
         and without.
     near
         Shares of the gap's white squares that one effect and two may leave for one more to be looked for: of two that
-        cause it, the better one explains more, and of three the best two do.
+        cause it, the better one explains more, and of three the best two do. What an effect moves is always looked at.
     most_effects
         Most effects at once.
     """

@@ -46,6 +46,6 @@ def test_load_goes_with_the_force() -> None:
 def test_play_takes_off_a_held_angle_on_the_side_it_came_from(width: float) -> None:
     model = with_effects(find_model("tmeasy_curve"), find_effect("backlash"))
     force, (slope,) = forces(model, CURVE | {"b_0": width}, ("b_0",))
-    assert force == pytest.approx(held(angle=ANGLE - width), rel=1e-5)
+    assert force == pytest.approx(held(angle=ANGLE - width), rel=3e-5)  # the ramp ends within the play's millisecond
     by_angle = (held(angle=ANGLE + 1e-5) - held(angle=ANGLE - 1e-5)) / 2e-5
     assert slope == pytest.approx(-by_angle, rel=0.02)

@@ -21,12 +21,12 @@ class Backlash(Effect):
 
     .. math::
         u' = \max(u - b, \min(w, u + b)), \qquad
-        \epsilon \dot w = u' - w + \tfrac12 (u - v) \text{ outside } [u - b, u + b], \qquad
-        \epsilon \dot v = u - v
+        \epsilon \dot w = u' - w + \tfrac12 \epsilon \dot u \text{ outside } [u - b, u + b]
 
     that is :math:`w` follows the edge of the play once it is reached, and rests in between; :math:`u' = u` for
-    :math:`b = 0`. With half of the rate of :math:`u` added, it comes to rest where the edge turns, to third order in
-    :math:`\epsilon`. A rate that belongs to the input changes by that of :math:`w`. Fingerprint: odd harmonics and a
+    :math:`b = 0`. With half of the rate of :math:`u` added (of what lags behind it by :math:`\epsilon`, where no rate
+    is measured), it comes to rest where the edge turns, to third order in :math:`\epsilon`. A rate that belongs to the
+    input changes by that of :math:`w`. Fingerprint: odd harmonics and a
     lag whatever the frequency, worst at small amplitude.
     """
 
@@ -50,7 +50,10 @@ class Backlash(Effect):
         rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
         arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
         free_rate = (value - free) / FOLLOWING
-        rate = (arrives - position) / FOLLOWING + ca.if_else(arrives == position, 0, 0.5 * free_rate)
+        ahead = 0.5 * (s.velocity if "velocity" in s else free_rate)
+        if "velocity" in s:  # one trajectory with the position where there is no play
+            free_rate += ahead
+        rate = (arrives - position) / FOLLOWING + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
         return Applied(
             arrives,
             rates={"play_position": rate, "play_free": free_rate},
