@@ -60,7 +60,11 @@ def slots(seed: int, none: int, per_effect: int, unknown: int, pairs: int, kin: 
 def setting(slot: Slot) -> tuple[dict[str, float], tuple[RigTest, ...]]:
     """Specimen and programme of a campaign."""
     rng = slot.rng(0)
-    return draw_specimen(rng), programme(rng)
+    while True:
+        specimen, tests = draw_specimen(rng), programme(rng)
+        # the most that the carcass can hold is c_y / (4 |p_y|)
+        if specimen["c_y"] > 4 * abs(specimen["p_y"]) * specimen["F_M"] or _stands(Case(specimen), tests):
+            return specimen, tests
 
 
 def label(slot: Slot) -> dict[str, Any]:
@@ -87,7 +91,8 @@ def _label(slot: Slot, place: Ground | None) -> dict[str, Any]:
     rng = slot.rng(1)
     chosen = _pair(place, rng) if slot.case == "pair" else [_single(place, slot, rng)]
     kinds = {knob: drawn.place for drawn, _ in chosen for knob in drawn.at(1.0)}
-    while not _stands(Case(specimen, _merged(drawn.at(m) for drawn, m in chosen), kinds), tests):
+    softer = SOFTENING & kinds.keys()
+    while softer and not _stands(Case(specimen, _merged(drawn.at(m) for drawn, m in chosen), kinds), tests):
         chosen = [(drawn, LESS * m) for drawn, m in chosen]
     whole = place.gaps([_merged(drawn.at(m) for drawn, m in chosen)], kinds)[:, 0]
     own = [place.gaps([drawn.at(m)], kinds)[:, 0] for drawn, m in chosen]
@@ -165,8 +170,6 @@ def _pair(place: Ground, rng: np.random.Generator) -> list[tuple[Drawn, float]]:
 
 def _stands(case: Case, tests: Sequence[RigTest]) -> bool:
     """Whether the carcass holds against the contact patch to the end of every test."""
-    if not SOFTENING & case.knobs.keys():
-        return True
     with np.errstate(over="ignore", invalid="ignore"):
         forces = respond([(case, test) for test in tests])
     return all(bool(np.isfinite(force).all()) for force in forces)
