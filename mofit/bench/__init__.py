@@ -9,7 +9,16 @@ from typing import Any
 
 from mofit.errors import Fault, InputError, did_you_mean, raise_errors
 
-BENCHMARKS = ("kernel", "rastrigin", "cec2013", "front", "sampling", "pipeline", "withheld-effects")
+BENCHMARKS = (
+    "kernel",
+    "rastrigin",
+    "cec2013",
+    "front",
+    "sampling",
+    "pipeline",
+    "withheld-effects",
+    "withheld-effects-paper",
+)
 #: Those with figures, drawn by ``<name>_figures``.
 ILLUSTRATED = ("rastrigin",)
 

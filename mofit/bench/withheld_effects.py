@@ -63,18 +63,30 @@ def run(
         If the programs are not there: they belong to the repository, not to the installed package.
     """
     counts = {"none": NONE * runs, "per-effect": runs, "unknown": runs, "pairs": PAIRS * runs, "kin": round(KIN * runs)}
+    return checked(counts, runs, seed, jobs, folder)
+
+
+def checked(
+    counts: Mapping[str, int], runs: int, seed: int, jobs: int, folder: Path, paper: bool = False
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """`check` with the versions in its report: the rows and settings of a benchmark."""
     settings = {"runs": runs, "seed": seed, **versions("mofit", "numpy", "scipy", "casadi")}
-    report = check(counts, seed, jobs, folder, ", ".join(f"{name} {value}" for name, value in settings.items()))
+    report = check(counts, seed, jobs, folder, ", ".join(f"{name} {value}" for name, value in settings.items()), paper)
     figures = json.loads((report / "figures.json").read_text(encoding="utf-8"))
     return list(_rows(figures)), {**settings, "report": str(report)}
 
 
-def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by: str) -> Path:
-    """The folder with the scorer's report on so many campaigns of each kind (the generator's options)."""
+def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by: str, paper: bool = False) -> Path:
+    """The folder with the scorer's report on so many campaigns of each kind (the generator's options).
+
+    With ``paper`` the campaigns have the paper's nine sines alone, and no candidate is removed.
+    """
+    name = "withheld-effects-paper" if paper else "withheld-effects"
     if not (SCRIPTS / "generate.py").exists():
-        raise InputError.of("bench withheld-effects", "scripts/withheld is not there", "Run it in the repository")
-    place = folder / f"withheld-effects-{seed}"
-    options = [part for name, count in counts.items() for part in (f"--{name}", str(count))]
+        raise InputError.of(f"bench {name}", "scripts/withheld is not there", "Run it in the repository")
+    place = folder / f"{name}-{seed}"
+    options = [part for kind, count in counts.items() for part in (f"--{kind}", str(count))]
+    options += ["--paper"] if paper else []
     _program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
     results = place / f"results-{_code()}"
     first, without = results / "first", results / "without"
@@ -86,12 +98,15 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
         _diagnosed(following / "campaigns", following, jobs, None)
         campaigns.append(following / "campaigns")
         diagnosed.append(following)
-    _program("leave_out.py", place, "--out", results / "removed.json")
-    removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
-    _diagnosed(place / "campaigns", without, jobs, removed)
+    removal: tuple[str | Path, ...] = ()
+    if not paper:
+        _program("leave_out.py", place, "--out", results / "removed.json")
+        removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
+        _diagnosed(place / "campaigns", without, jobs, removed)
+        removal = ("--without", without)
     _program(
-        "score.py", place / "labels.sealed", first, "--next", *diagnosed[1:], "--without", without,
-        "--out", results / "report", "--made-by", f"`mofit bench withheld-effects`: {made_by}",
+        "score.py", place / "labels.sealed", first, "--next", *diagnosed[1:], *removal,
+        "--out", results / "report", "--made-by", f"`mofit bench {name}`: {made_by}",
     )  # fmt: skip
     return results / "report"
 

@@ -26,7 +26,7 @@ def bench(
     Parameters
     ----------
     name
-        kernel, rastrigin, cec2013, front, sampling, pipeline or withheld-effects.
+        kernel, rastrigin, cec2013, front, sampling, pipeline, withheld-effects or withheld-effects-paper.
     runs
         Runs of each competitor; slow ones may do fewer, which the table tells.
     seed

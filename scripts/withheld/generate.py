@@ -1,7 +1,7 @@
 """Campaigns of a tyre that hide an effect, none, or one that no library knows; what they hide goes into a sealed file.
 
     python scripts/withheld/generate.py --out DIR [--none 400] [--per-effect 20] [--unknown 20] [--pairs 60] [--kin 10]
-                                        [--seed 1] [--jobs 1] [--list]
+                                        [--paper] [--seed 1] [--jobs 1] [--list]
 
 DIR/campaigns/<name>.nc are campaign files with opaque names; DIR/labels.sealed says what is in them, packed so that
 nobody reads it by accident. Counts of effects, strangers (--unknown) and kin are per cause. What exists already is
@@ -39,7 +39,9 @@ def main() -> None:
     if options.list:
         print(table())
         return
-    wanted = slots(options.seed, options.none, options.per_effect, options.unknown, options.pairs, options.kin)
+    wanted = slots(
+        options.seed, options.none, options.per_effect, options.unknown, options.pairs, options.kin, options.paper
+    )
     folder, labels = options.out / "campaigns", options.out / "labels.sealed"
     folder.mkdir(parents=True, exist_ok=True)
     done = unseal(labels)
@@ -75,6 +77,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--out", type=Path, default=Path("withheld"), help="folder of the campaigns")
     for name, count in (("none", 400), ("per-effect", 20), ("unknown", 20), ("pairs", 60), ("kin", 10)):
         parser.add_argument(f"--{name}", type=int, default=count, help=f"default {count}")
+    parser.add_argument("--paper", action="store_true", help="of all sines the paper's nine alone")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1, help="processes; campaigns do not depend on it")
     parser.add_argument("--list", action="store_true", help="print the causes and stop")

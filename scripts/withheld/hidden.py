@@ -26,17 +26,22 @@ SOFTENING, LESS = {"k_c", "k_a", "e_y"}, 0.8
 
 @dataclass(frozen=True)
 class Slot:
-    """One campaign to be made: ``case`` none, effect, kin, unknown or pair; ``cause`` by name where it is given."""
+    """One campaign to be made: ``case`` none, effect, kin, unknown or pair; ``cause`` by name where it is given.
+
+    ``paper``: of the paper's programme alone.
+    """
 
     seed: int
     case: str
     cause: str
     number: int
+    paper: bool = False
 
     @property
     def campaign(self) -> str:
         """Opaque name."""
-        return hashlib.sha256(f"withheld {self.seed} {self.case} {self.cause} {self.number}".encode()).hexdigest()[:12]
+        kind = "withheld paper" if self.paper else "withheld"
+        return hashlib.sha256(f"{kind} {self.seed} {self.case} {self.cause} {self.number}".encode()).hexdigest()[:12]
 
     @property
     def noise(self) -> str:
@@ -48,12 +53,12 @@ class Slot:
         return np.random.default_rng([int(self.campaign, 16) % 2**32, int(self.campaign, 16) >> 32, stream])
 
 
-def slots(seed: int, none: int, per_effect: int, unknown: int, pairs: int, kin: int) -> list[Slot]:
+def slots(seed: int, none: int, per_effect: int, unknown: int, pairs: int, kin: int, paper: bool = False) -> list[Slot]:
     """All campaigns, in the order of their opaque names; more of a kind leave the others as they are."""
-    found = [Slot(seed, "none", "", i) for i in range(none)]
+    found = [Slot(seed, "none", "", i, paper) for i in range(none)]
     for case, causes, count in (("effect", LIBRARY, per_effect), ("kin", KIN, kin), ("unknown", STRANGERS, unknown)):
-        found += [Slot(seed, case, cause.name, i) for cause in causes for i in range(count)]
-    found += [Slot(seed, "pair", "", i) for i in range(pairs)]
+        found += [Slot(seed, case, cause.name, i, paper) for cause in causes for i in range(count)]
+    found += [Slot(seed, "pair", "", i, paper) for i in range(pairs)]
     return sorted(found, key=lambda slot: slot.campaign)
 
 
@@ -61,7 +66,7 @@ def setting(slot: Slot) -> tuple[dict[str, float], tuple[RigTest, ...]]:
     """Specimen and programme of a campaign."""
     rng = slot.rng(0)
     while True:
-        specimen, tests = draw_specimen(rng), programme(rng)
+        specimen, tests = draw_specimen(rng), programme(rng, slot.paper)
         # the most that the carcass can hold is c_y / (4 |p_y|)
         if specimen["c_y"] > 4 * abs(specimen["p_y"]) * specimen["F_M"] or _stands(Case(specimen), tests):
             return specimen, tests
@@ -84,7 +89,7 @@ def _label(slot: Slot, place: Ground | None) -> dict[str, Any]:
     specimen, tests = setting(slot)
     entry: dict[str, Any] = {
         "seed": slot.seed, "case": slot.case, "cause": slot.cause, "number": slot.number, "noise": slot.noise,
-        "specimen": specimen, "causes": [],
+        "paper": slot.paper, "specimen": specimen, "causes": [],
     }  # fmt: skip
     if place is None:
         return entry
@@ -132,7 +137,7 @@ def case_of(entry: Mapping[str, Any], bare: bool = False) -> Case:
 
 def slot_of(entry: Mapping[str, Any]) -> Slot:
     """The slot that a label belongs to."""
-    return Slot(entry["seed"], entry["case"], entry["cause"], entry["number"])
+    return Slot(entry["seed"], entry["case"], entry["cause"], entry["number"], entry.get("paper", False))
 
 
 def _merged(settings: Iterator[Mapping[str, float]] | Any) -> dict[str, float]:

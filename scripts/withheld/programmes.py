@@ -75,7 +75,7 @@ def main() -> None:
 def tyre(number: int, seed: int) -> Tyre:
     """A specimen in the programme and in every sine of the pool."""
     rng = np.random.default_rng([seed, number])
-    specimen, tests = draw_specimen(rng), list(programme(rng, further=False))
+    specimen, tests = draw_specimen(rng), list(programme(rng, paper=True))
     clock = max(t.start_time + t.duration for t in tests if t.start_time is not None)
     for i, (frequency, amplitude, speed) in enumerate(POOL):
         clock += 30

@@ -67,15 +67,15 @@ def further_sine(frequency: float, amplitude: float, speed: float) -> RigTest:
     )
 
 
-def programme(rng: np.random.Generator, further: bool = True) -> tuple[RigTest, ...]:
-    """Three steps, one quasi-static test, nine sines and with ``further`` those besides.
+def programme(rng: np.random.Generator, paper: bool = False) -> tuple[RigTest, ...]:
+    """Three steps, one quasi-static test, nine sines, and those besides unless ``paper``.
 
     The sines are one day's campaign in random order, with pauses; their clock starts with the first of them. Steps and
     quasi-static test belong to another day and have no start time.
     """
     steps = [RigTest(f"step_{d}deg", "step", 60.0, np.deg2rad(d)) for d in (1, 2, 4)]
     slow = RigTest("quasi_static", "quasi_static", 4 * STROKE / STROKE_SPEED, STROKE, rate=SLOW_RATE)
-    sines, clock = [sine(f) for f in FREQUENCIES] + [further_sine(*of) for of in FURTHER if further], 0.0
+    sines, clock = [sine(f) for f in FREQUENCIES] + [further_sine(*of) for of in FURTHER if not paper], 0.0
     for i in rng.permutation(len(sines)):
         sines[i] = replace(sines[i], start_time=round(clock, 2))
         clock += sines[i].duration + rng.uniform(20, 60)

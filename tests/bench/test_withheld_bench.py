@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import netCDF4
+
 from mofit.bench.blindly import diagnose_blindly
 from mofit.bench.withheld_effects import check
 
@@ -26,3 +28,15 @@ def test_campaigns_are_made_diagnosed_and_scored_once(tmp_path: Path) -> None:
     names = {candidate["name"] for candidate in candidates}
     assert "delay" not in names
     assert {"drift", "contact_patch_lag"} < names
+
+
+def test_the_papers_sines_alone_are_a_check_of_their_own(tmp_path: Path) -> None:
+    report = check(COUNTS, 5, 1, tmp_path, "a test", paper=True)
+    assert json.loads((report / "figures.json").read_text())["campaigns"]["none"] == 1
+    assert "Made by `mofit bench withheld-effects-paper`: a test." in (report / "README.md").read_text()
+    place = report.parents[1]
+    assert place.name == "withheld-effects-paper-5"
+    (campaign,) = (place / "campaigns").glob("*.nc")
+    with netCDF4.Dataset(campaign) as file:
+        assert sum("sine" in name for name in file.groups) == 9
+    assert not (report.parent / "without").exists()

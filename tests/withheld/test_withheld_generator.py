@@ -11,7 +11,7 @@ from brush import bristles, characteristic, pressure_profile, secant
 from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, table
 from filters import lag, later, play, slope_before
 from generate import main, make
-from hidden import Slot, case_of, label, setting, slots
+from hidden import Slot, case_of, label, setting, slot_of, slots
 from integrate import fractional_parts, spectrum
 from respond import Case, respond
 from rig_tests import FREQUENCIES, FURTHER, programme, sine
@@ -22,7 +22,7 @@ from strength import ground, shrinkage, sized
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: the paper's alone
-TESTS = programme(np.random.default_rng(3), further=False)
+TESTS = programme(np.random.default_rng(3), paper=True)
 #: residual RMS in N on nine sines with everything else as it was, from the list of effects that asked for this check
 RAW = {
     "contact_patch_lag": 56, "delay": 74, "sensor_lowpass": 92, "inertia": 14, "second_branch": 28, "springpot": 40,
@@ -283,6 +283,16 @@ def test_slots_are_opaque_and_more_of_them_change_none():
     assert slots(2, 1, 0, 0, 0, 0)[0].campaign not in {s.campaign for s in many}
     cases = [s.case for s in many]
     assert cases != sorted(cases)
+
+
+def test_the_papers_programme_is_kept_in_the_label():
+    (slot,) = slots(1, 1, 0, 0, 0, 0, paper=True)
+    assert [t.frequency for t in setting(slot)[1] if t.kind == "sine"] == list(FREQUENCIES)
+    assert slot_of(label(slot)) == slot
+    (usual_slot,) = slots(1, 1, 0, 0, 0, 0)
+    assert sum(t.kind == "sine" for t in setting(usual_slot)[1]) == len(FREQUENCIES) + len(FURTHER)
+    assert slot_of(label(usual_slot)) == usual_slot
+    assert usual_slot.campaign != slot.campaign
 
 
 def test_a_pair_is_two_effects_that_each_stay_visible():
