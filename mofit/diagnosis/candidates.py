@@ -12,7 +12,7 @@ from mofit.campaign import Campaign
 from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.cause import Cause, causes
 from mofit.diagnosis.hypothesis import drives_of
-from mofit.diagnosis.steps import tamed, with_enough_steps
+from mofit.diagnosis.steps import bounded, tamed, with_enough_steps
 from mofit.drives import lacking
 from mofit.errors import InputError
 from mofit.kernel import Simulator
@@ -54,6 +54,11 @@ class Candidate:
     def name(self) -> str:
         """Name of the effect."""
         return self.effect.name
+
+    @property
+    def integrates(self) -> bool:
+        """Whether its states can be integrated at any point of its grid."""
+        return any(bounded(slopes) for slopes in self.slopes)
 
     @property
     def signs(self) -> tuple[int, ...]:

@@ -30,6 +30,8 @@ from mofit.settings import Settings
 
 Array = NDArray[np.float64]
 
+_TOO_STIFF = "what it adds runs away: too stiff to integrate between these samples; sample faster"
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -154,7 +156,7 @@ def diagnose(
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
-        left_out=left_out,
+        left_out={**left_out, **case.stiff},
         seconds=time.process_time() - began,
     )  # fmt: skip
 
@@ -165,6 +167,7 @@ class _Case:
 
     thresholds: Thresholds
     candidates: Sequence[Candidate]
+    stiff: Mapping[str, str]
     found: Attribution
     before: Where
     after: Where
@@ -221,13 +224,15 @@ def _investigate(
 ) -> _Case:
     progress("baseline", 0, 1, "the model without effects")
     baseline = fit_baseline(observed, start, settings.seed)
-    candidates = []
+    prepared = []
     for number, effect in enumerate(effects):
         progress("screen", number, len(effects), effect.name)
-        candidates.append(prepare(baseline, effect))
+        prepared.append(prepare(baseline, effect))
+    candidates = [candidate for candidate in prepared if candidate.integrates]
+    stiff = {candidate.name: _TOO_STIFF for candidate in prepared if not candidate.integrates}
     found = attribute(baseline, candidates, thresholds, progress)
     before, after = locate(baseline), locate(found.best.fitted)
-    return _Case(thresholds, candidates, found, before, after, conclude(found, before, after, thresholds))
+    return _Case(thresholds, candidates, stiff, found, before, after, conclude(found, before, after, thresholds))
 
 
 def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:

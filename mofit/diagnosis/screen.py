@@ -15,6 +15,7 @@ from mofit.diagnosis.baseline import Fitted
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.cause import Cause
 from mofit.diagnosis.projection import Projection, project
+from mofit.diagnosis.steps import bounded
 from mofit.model import Effect
 
 Array = NDArray[np.float64]
@@ -126,7 +127,7 @@ def _score(projection: Projection, candidate: Candidate) -> Screened:
         share = float(np.sum(rest**2)) / max(float(np.sum(slopes**2)), np.finfo(float).tiny)
         left.append(share)
         normal = rest.T @ rest
-        if share < _LEAST_LEFT**2 or not np.linalg.cond(normal) < 1e12:
+        if not bounded(slopes) or share < _LEAST_LEFT**2 or not np.linalg.cond(normal) < 1e12:
             statistics.append(0.0)
             sizes.append(np.zeros(len(signs)))
             spreads.append(np.full(len(signs), np.inf))

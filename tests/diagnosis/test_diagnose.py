@@ -4,6 +4,7 @@ import html
 import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,6 +43,45 @@ def test_friction_is_named_with_its_size_and_what_it_hides() -> None:
     assert effect.size == pytest.approx(30.0, rel=0.02)
     assert found.attribution.best_left.p > 0.01
     assert max(found.nrmsd_after.values()) < 0.3 * max(found.nrmsd_before.values())
+
+
+TOO_STIFF = """
+import casadi as ca
+from mofit.model import Applied, Channel, Effect
+from mofit.parameters import Parameter
+
+class Sensor(Effect):
+    name, on = "sensor", ("output",)
+    parameters = (Parameter("gain", "1", -1, 1, 0.1, neutral=0.0),)
+    states = (Channel("shown", "N"),)
+
+    def apply(self, s, value):
+        return Applied(value + s.gain * s.shown, rates={"shown": 1e6 * (value - s.shown)}, initial={"shown": value})
+"""
+
+
+def test_what_cannot_be_integrated_is_left_out_with_a_word(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(TOO_STIFF, encoding="utf-8")
+    names = ("dry_friction", f"{tmp_path / 'own.py'}:Sensor")
+    found = diagnose(damper_campaign(FRICTION), find_model("kelvin_voigt_damper"), names, Settings(jobs=1))
+    assert found.conclusion.effects[0].name == "dry_friction"
+    assert {one.name for one in found.attribution.screened} == {"dry_friction"}
+    assert "too stiff" in found.left_out["sensor"]
+
+
+@pytest.mark.parametrize("effect", ["springpot", "backlash"])
+def test_slowly_sampled_records_are_integrated(effect: str) -> None:
+    """At 4 Hz: what these effects hold of their own must not be faster than the samples show."""
+    campaign = damper_campaign()
+    slow = [
+        replace(m, procedure=replace(m.procedure, time=25 * m.procedure.time, frequency=m.procedure.frequency / 25))
+        for m in campaign.measurements
+    ]
+    found = diagnose(
+        replace(campaign, measurements=tuple(slow)), find_model("kelvin_voigt_damper"), (effect,), Settings(jobs=1)
+    )
+    assert [one.name for one in found.attribution.screened] == [effect]
+    assert found.left_out.keys().isdisjoint({effect})
 
 
 def test_a_diagnosis_shows_its_page_in_a_notebook() -> None:
