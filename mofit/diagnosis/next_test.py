@@ -23,8 +23,10 @@ from mofit.signals import Record
 
 Array = NDArray[np.float64]
 
-#: Length of a test that is tried, s, and the longest that is proposed.
-_SECONDS, _LONGEST = 20.0, 600.0
+#: Shortest and longest test that is proposed, s; so many periods in any case.
+_SECONDS, _LONGEST, _PERIODS = 20.0, 600.0, 4
+#: Samples of the shortest one that are tried, more only for its periods: a second tells what all others do.
+_SAMPLES = 4000
 #: Periods at the start that are not judged.
 _SETTLING = 1.0
 #: Factors on the largest frequency, on the usual amplitude, and on the usual speed of the campaign that are tried.
@@ -94,11 +96,12 @@ def next_test(observed: Observed, alike: Sequence[Explanation]) -> NextTest | No
     answers = [_answers(observed, explanation.fitted, procedures) for explanation in alike]
     tests = [_foreseen(observed, alike, each, one) for *each, one in zip(*answers, procedures, strict=True)]
     likely = weights(alike)
+    shortest = [max(_SECONDS, _PERIODS / float(procedure.frequency or 1)) for procedure in procedures]
     # no more samples at a high rate
-    longest = [_LONGEST * procedure.step / usual.step for procedure in procedures]
+    longest = [max(_LONGEST * p.step / usual.step, least) for p, least in zip(procedures, shortest, strict=True)]
     out = [_ruled_out(test, alike, likely, seconds)[1] for test, seconds in zip(tests, longest, strict=True)]
     best = int(np.argmax([likely @ chances.sum(axis=1) for chances in out]))
-    procedure, lengths = procedures[best], np.arange(_SECONDS, longest[best] + 1, 10.0)
+    procedure, lengths = procedures[best], np.arange(shortest[best], longest[best] + 1, 10.0)
     found = [_ruled_out(tests[best], alike, likely, seconds) for seconds in lengths]
     alone = np.array([likely @ chances.prod(axis=1) for _, chances in found])
     gone = np.array([likely @ (chances * np.isfinite(leads)).sum(axis=1) for leads, chances in found])
@@ -170,7 +173,8 @@ def _procedures(observed: Observed, usual: Procedure) -> Iterator[Procedure]:
             continue
         step = usual.step / rate
         # as many samples at every rate
-        time = step * np.arange(round(_SECONDS / usual.step), dtype=np.float64)
+        tried = max(min(_SECONDS / usual.step, _SAMPLES), _PERIODS / (frequency * step))
+        time = step * np.arange(round(tried), dtype=np.float64)
         speed = {} if faster == 1.0 else {"longitudinal_velocity": round(faster * own["longitudinal_velocity"], 2)}
         yield replace(
             usual,

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from damper_rig import damper_campaign, damper_diagnosis, truth
 
+from mofit.diagnosis.baseline import pose
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.next_test import next_test
+from mofit.diagnosis.next_test import _procedures, _usual, next_test
 from mofit.diagnosis.summary import summary
 from mofit.diagnosis.thresholds import Thresholds
 from mofit.diagnosis.verdict import conclude
@@ -82,6 +83,22 @@ def test_slowly_sampled_records_are_integrated(effect: str) -> None:
     )
     assert [one.name for one in found.attribution.screened] == [effect]
     assert found.left_out.keys().isdisjoint({effect})
+
+
+@pytest.mark.parametrize("faster", [0.1, 1, 1000])
+def test_next_tests_are_tried_on_a_bounded_number_of_samples(faster: float) -> None:
+    campaign, model = damper_campaign(), find_model("kelvin_voigt_damper")
+    measured = [
+        replace(m, procedure=replace(m.procedure, time=m.procedure.time / faster)) for m in campaign.measurements
+    ]
+    observed, _ = pose(model, replace(campaign, measurements=tuple(measured)), Settings(jobs=1))
+    usual = _usual(observed)
+    assert usual is not None
+    assert usual.frequency == pytest.approx(4 * faster)
+    proposed = list(_procedures(observed, usual))
+    assert len(proposed) > 10
+    assert max(len(one.time) for one in proposed) <= 4000
+    assert min(one.time[-1] * (one.frequency or 0) for one in proposed) > 3.9
 
 
 def test_a_diagnosis_shows_its_page_in_a_notebook() -> None:
