@@ -141,6 +141,8 @@ def diagnose(
     reason = _why_not(conclusion, found, thresholds)
     progress("shrink", 0, 1, "")
     shrinkage = None if reason else shrink(found, candidates, settings.seed)
+    if not reason and shrinkage is None:
+        reason = "what was fitted without one of the tests is too stiff to be integrated in it"
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,

@@ -13,6 +13,7 @@ from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.observed import Observed
 from mofit.diagnosis.several import Attribution
+from mofit.diagnosis.steps import bounded
 from mofit.refine.step import box_step
 
 Array = NDArray[np.float64]
@@ -76,12 +77,17 @@ class Shrinkage:
     held_out: tuple[HeldOut, ...]
 
 
-def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage:
-    """Leave out one test at a time, fit the rest without and with the best explanation's effects, and compare."""
+def shrink(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage | None:
+    """Leave out one test at a time, fit the rest without and with the best explanation's effects, and compare.
+
+    None if a fit runs away in the test that it has not seen: too stiff for it.
+    """
     observed, best = found.baseline.hypothesis.observed, found.best
     rows = len(observed.measured)
     folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
     without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
+    if not (bounded(without) and bounded(with_)):
+        return None
     loud = {clue.name for clue in found.left.clues if clue.p < _LOUD}
     direct = observed.repeating & observed.of("dc", "odd", "even", "excited", *(loud & {"rotating", "slow"}))
     before, after = mean_squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
@@ -116,7 +122,8 @@ def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, Array]:
         step, _ = box_step(points, gradient, turned @ jacobian, np.full(tests, 1e-6), _REACH)
         # a step that made things worse is halved towards the best point
         points = np.where(better[:, None], np.clip(points + step, 0.0, 1.0), 0.5 * (points + best))
-    return model, best
+    # what is too stiff for the test that was left out shows there alone
+    return model.at_steps_for(best), best
 
 
 def _held_out_rows(observed: Observed, model: Hypothesis, points: Array) -> Array:

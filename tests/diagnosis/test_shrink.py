@@ -1,11 +1,13 @@
 """Shares of a gap are shares of its mean square in the output, whatever the noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from damper_rig import WORKSHOP, damper_campaign, truth
+from damper_rig import WORKSHOP, damper_campaign, damper_diagnosis, truth
 
 from mofit.diagnosis.baseline import pose
-from mofit.diagnosis.shrink import mean_squares
+from mofit.diagnosis.shrink import leave_one_out, mean_squares
 from mofit.library import find_model
 from mofit.settings import Settings
 from mofit.simulate import plan as plans
@@ -27,3 +29,16 @@ def test_every_sample_counts_alike(level: float) -> None:
         for gap, (test, _, w) in zip(gaps, observed.parts, strict=True)
     )
     assert mean_squares(observed, rows, np.ones(len(rows), dtype=bool)) == pytest.approx([expected])
+
+
+def test_fits_without_a_test_are_integrated_finely_enough_for_it() -> None:
+    fitted = damper_diagnosis((("delay", (("tau_d", 0.01),)),), ("delay",)).attribution.best.fitted
+    enough = fitted.hypothesis
+    assert enough.simulator.steps is not None
+    assert enough.simulator.steps > 1
+    coarse = replace(fitted, hypothesis=enough.with_steps(1))
+    model, points = leave_one_out(coarse)
+    assert model.simulator.steps is not None
+    assert model.simulator.steps > 1
+    finer = model.with_steps(2 * model.simulator.steps)
+    assert np.max(np.abs(finer.linear(points).residual - model.linear(points).residual)) < 0.5
