@@ -11,8 +11,9 @@ from mofit.kernel import Simulator
 
 Array = NDArray[np.float64]
 
-#: Fewest and most Runge-Kutta steps per sampling interval: what is stiffer, a dry friction, takes too long to fit.
-FEWEST_STEPS, _MOST_STEPS = 1, 16
+#: Fewest and most Runge-Kutta steps per sampling interval: what is stiffer, a dry friction, takes too long to fit. In
+#: slow records more of them keep fast states of an effect stable.
+FEWEST_STEPS, _MOST_STEPS, _MOST_TO_BE_STABLE = 1, 16, 64
 #: Where an unstable integration has gone: no output or derivative is as large.
 RUNAWAY = 1e100
 #: White rows and slopes this large come from an unstable integration, too.
@@ -29,6 +30,10 @@ def tamed(values: Array) -> Array:
     return np.clip(np.nan_to_num(values, nan=RUNAWAY), -RUNAWAY, RUNAWAY)
 
 
+def _stable(rows: Array) -> bool:
+    return float(np.max(np.abs(rows), initial=0.0)) < _WILD
+
+
 def with_enough_steps(
     simulator: Simulator,
     rows: Callable[[Simulator], Array],
@@ -38,14 +43,13 @@ def with_enough_steps(
 ) -> tuple[Simulator, Array]:
     """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
     steps, coarse = fewest, None
-    while coarse is None or 2 * steps <= _MOST_STEPS:
+    while coarse is None or 2 * steps <= (_MOST_STEPS if _stable(coarse) else _MOST_TO_BE_STABLE):
         # the finer one first: the loop that is compiled for it serves the coarser one too
         fine = rows(simulator.with_steps(2 * steps))
         here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
         # two integrations that ran away are alike as well
-        stable = float(np.max(np.abs(coarse), initial=0.0)) < _WILD
-        if stable and change(coarse, fine) <= allowed:
+        if _stable(coarse) and change(coarse, fine) <= allowed:
             return here, coarse
         steps, coarse = 2 * steps, fine
     return simulator.with_steps(steps), coarse

@@ -39,7 +39,7 @@ def washout_states(effect: str, unit: str) -> tuple[Channel, ...]:
 
 
 def base_time(s: Symbols, share: float = 0.25) -> ca.SX:
-    """Shortest time constant of an effect's own states [s]: a share of the sampling interval, at least 1 ms."""
+    """Time constant of a washout [s]: a share of the sampling interval, at least 1 ms."""
     return ca.fmax(share * s.sample_interval, _SHORTEST)
 
 

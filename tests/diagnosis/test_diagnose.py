@@ -72,10 +72,10 @@ def test_what_cannot_be_integrated_is_left_out_with_a_word(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("effect", ["springpot", "backlash"])
 def test_slowly_sampled_records_are_integrated(effect: str) -> None:
-    """At 4 Hz: what these effects hold of their own must not be faster than the samples show."""
+    """At 20 Hz: what these effects hold of their own is much faster than the samples."""
     campaign = damper_campaign()
     slow = [
-        replace(m, procedure=replace(m.procedure, time=25 * m.procedure.time, frequency=m.procedure.frequency / 25))
+        replace(m, procedure=replace(m.procedure, time=5 * m.procedure.time, frequency=m.procedure.frequency / 5))
         for m in campaign.measurements
     ]
     found = diagnose(

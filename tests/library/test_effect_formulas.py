@@ -80,12 +80,10 @@ def test_bouc_wen_unloads_along_a_straight_line():
     assert force[1:][inside] == pytest.approx(force[1] - 30 / 2e-3 * back[inside], rel=1e-4)
 
 
-@given(frequency=st.floats(0.2, 12), a=st.floats(0.1, 0.6), slower=st.floats(1, 50))
-def test_springpot_follows_the_power_law(frequency, a, slower):
-    """In proportion to the sampling: 100 Hz, and so many times less."""
-    values, omega = {"c": 0.0, "p": 0.0, "d": 0.0, "F_0": 0.0, "c_f": 1.0, "a_f": a}, 2 * np.pi * frequency / slower
-    model, conditions = extended("kelvin_voigt_damper", "springpot"), {"sample_interval": 0.01 * slower}
-    ratio = transfer(model, values, omega, conditions) / (1j * omega) ** a
+@given(frequency=st.floats(0.2, 12), a=st.floats(0.1, 0.6))
+def test_springpot_follows_the_power_law(frequency, a):
+    values, omega = {"c": 0.0, "p": 0.0, "d": 0.0, "F_0": 0.0, "c_f": 1.0, "a_f": a}, 2 * np.pi * frequency
+    ratio = transfer(extended("kelvin_voigt_damper", "springpot"), values, omega) / (1j * omega) ** a
     assert abs(ratio) == pytest.approx(1, abs=0.01)
     assert np.degrees(np.angle(ratio)) == pytest.approx(0, abs=1)
 

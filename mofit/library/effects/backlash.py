@@ -6,15 +6,14 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 
-from mofit.library.washout import SAMPLE_INTERVAL, base_time
 from mofit.model import UNIT_OF_TARGET, Applied, Channel, Effect
 from mofit.parameters import Parameter
 
 if TYPE_CHECKING:
     from mofit.model import Symbols
 
-#: share of the sampling interval in which a state follows its signal; it is felt only where the signal turns
-SHARE = 0.1
+#: time in which a state follows its signal, s; it is felt only where the signal turns
+FOLLOWING = 1e-3
 
 
 class Backlash(Effect):
@@ -38,7 +37,6 @@ class Backlash(Effect):
     parameters = (
         Parameter("b_0", UNIT_OF_TARGET, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0),
     )
-    conditions = (SAMPLE_INTERVAL,)
     states = (
         Channel("play_position", UNIT_OF_TARGET, "where the driven side rests"),
         Channel("play_free", UNIT_OF_TARGET, "where it would rest without play"),
@@ -47,16 +45,15 @@ class Backlash(Effect):
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Input behind the play."""
         position, free = s.play_position, s.play_free
-        following = base_time(s, SHARE)
         # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
         # where the input rests without play, it was reached from zero
         rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
         arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
-        free_rate = (value - free) / following
+        free_rate = (value - free) / FOLLOWING
         ahead = 0.5 * (s.velocity if "velocity" in s else free_rate)
         if "velocity" in s:  # one trajectory with the position where there is no play
             free_rate += ahead
-        rate = (arrives - position) / following + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
+        rate = (arrives - position) / FOLLOWING + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
         return Applied(
             arrives,
             rates={"play_position": rate, "play_free": free_rate},
