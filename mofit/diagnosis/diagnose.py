@@ -142,7 +142,7 @@ def diagnose(
     progress("shrink", 0, 1, "")
     shrinkage = None if reason else shrink(found, candidates, settings.seed)
     if not reason and shrinkage is None:
-        reason = "what was fitted without one of the tests is too stiff to be integrated in it"
+        reason = "what was fitted without one of the tests is too stiff to be integrated in it; sample it faster"
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,

@@ -30,10 +30,6 @@ def tamed(values: Array) -> Array:
     return np.clip(np.nan_to_num(values, nan=RUNAWAY), -RUNAWAY, RUNAWAY)
 
 
-def _stable(rows: Array) -> bool:
-    return float(np.max(np.abs(rows), initial=0.0)) < _WILD
-
-
 def with_enough_steps(
     simulator: Simulator,
     rows: Callable[[Simulator], Array],
@@ -43,13 +39,13 @@ def with_enough_steps(
 ) -> tuple[Simulator, Array]:
     """The simulator with the fewest steps whose halving changes rows by no more than allowed, and its rows."""
     steps, coarse = fewest, None
-    while coarse is None or 2 * steps <= (_MOST_STEPS if _stable(coarse) else _MOST_TO_BE_STABLE):
+    while coarse is None or 2 * steps <= (_MOST_STEPS if bounded(coarse) else _MOST_TO_BE_STABLE):
         # the finer one first: the loop that is compiled for it serves the coarser one too
         fine = rows(simulator.with_steps(2 * steps))
         here = simulator.with_steps(steps)
         coarse = rows(here) if coarse is None else coarse
         # two integrations that ran away are alike as well
-        if _stable(coarse) and change(coarse, fine) <= allowed:
+        if bounded(coarse) and change(coarse, fine) <= allowed:
             return here, coarse
         steps, coarse = 2 * steps, fine
     return simulator.with_steps(steps), coarse
