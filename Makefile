@@ -10,11 +10,13 @@ RUN ?= $(shell ls -td runs/*/ 2>/dev/null | head -n 1)
 USABLE := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 
 .DELETE_ON_ERROR:
-.PHONY: help identify test lint format report docs bench lock clean
+.PHONY: help identify test test-long test-all lint format report docs bench lock clean
 
 help:
 	@echo "make identify   set up, then identify the bundled campaign (ARGS=... adds options)"
-	@echo "make test       set up, then ruff, mypy and pytest"
+	@echo "make test       set up, then ruff, mypy and pytest without the long tests"
+	@echo "make test-long  the long tests alone"
+	@echo "make test-all   make test, then make test-long"
 	@echo "make lint       ruff and mypy only"
 	@echo "make format     let ruff format and mend what it can"
 	@echo "make report     rebuild the report of the newest run (RUN=... names another)"
@@ -27,7 +29,12 @@ identify: $(READY)
 	$(BIN)/mofit identify --all-freqs $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -n 2 $(ARGS)
+	$(BIN)/python -m pytest -n 2 -m "not slow" $(ARGS)
+
+test-all: test test-long
+
+test-long: $(READY)
+	$(BIN)/python -m pytest -n 2 -m slow $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -47,7 +54,7 @@ docs: $(READY)
 	@echo "build/docs/index.html"
 
 bench: $(BENCH)
-	$(BIN)/mofit bench $(or $(NAME),kernel) $(ARGS)
+	PYTHONPATH=scripts $(BIN)/python -m benchmarks $(or $(NAME),kernel) $(ARGS)
 
 $(READY): requirements.txt pyproject.toml
 	@set -eu; \

@@ -1,40 +1,31 @@
 """The directive ``commands``: every command with its help, from the program itself."""
 
-import os
-import subprocess
-import sys
+from io import StringIO
 
 from docutils import nodes
+from rich.console import Console
 from sphinx.util.docutils import SphinxDirective
+
+#: Columns of the help; more would scroll sideways on the page.
+WIDTH = 100
 
 
 class Commands(SphinxDirective):
-    """A section per command, in the order of the program's own help."""
+    """A section per command, by name."""
 
     def run(self) -> list[nodes.Node]:
-        """Ask the program."""
-        from mofit.cli import app
+        """Make the sections."""
+        from mofit.cli.app import app
 
-        names = sorted(name for name in app if not name.startswith("-"))
         sections = []
-        for name in names:
+        for name in sorted(name for name in app if not name.startswith("-")):
+            text = StringIO()
+            app.help_print([name], console=Console(file=text, width=WIDTH, color_system=None))
             section = nodes.section(ids=[f"command-{name}"])
             section += nodes.title(text=f"mofit {name}")
-            text = _help(name)
-            section += nodes.literal_block(text, text, language="text")
+            section += nodes.literal_block(text.getvalue(), text.getvalue().strip(), language="text")
             sections.append(section)
         return sections
-
-
-def _help(name: str) -> str:
-    told = subprocess.run(
-        [sys.executable, "-m", "mofit", name, "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1"},
-    )
-    return told.stdout.strip()
 
 
 def setup(app) -> dict[str, bool]:

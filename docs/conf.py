@@ -1,4 +1,4 @@
-"""The documentation: ``make docs`` builds it into build/docs, without network."""
+"""Build settings of the documentation: ``make docs`` writes it to build/docs, without network."""
 
 import re
 import sys
@@ -7,13 +7,28 @@ from pathlib import Path
 from docutils import nodes
 from latex2mathml.converter import convert
 
-sys.path.insert(0, str(Path(__file__).parent))
 import mofit
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))  # commands_directive
+
+# Sphinx reads below its own folder only. The links are made here because an sdist would store them as second copies.
+for name in ("examples", "reports"):
+    if not (HERE / name).is_symlink():
+        (HERE / name).symlink_to(Path("..") / name)
 
 project = "mofit"
 author = "the mofit developers"
 release = version = mofit.__version__
-extensions = ["myst_parser", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "commands_directive"]
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.viewcode",
+    "catalogue_directive",
+    "commands_directive",
+    "tables_directive",
+]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["build"]
@@ -37,12 +52,14 @@ def _block(self, node: nodes.math_block) -> None:
 
 
 def _one_row_each(text: str) -> str:
-    r"""Lines that end in \\ as rows of a table: what display mathematics means by it."""
-    return rf"\begin{{aligned}}{text}\end{{aligned}}" if r"\\" in text and r"\begin" not in text else text
+    r"""Rows of an aligned block (latex2mathml knows split, not aligned), one per line that ends in \\."""
+    return rf"\begin{{split}}{text}\end{{split}}" if r"\\" in text and r"\begin" not in text else text
 
 
-def _inside(app, name: str, source: list[str]) -> None:
-    """Links to the reports and examples beside this folder, which links of its own lead into."""
+def _relink(app, name: str, source: list[str]) -> None:
+    """Point links to ../reports and ../examples at the copies that Sphinx reads."""
+    if name == "reports/README":  # links of the index lead to its own subfolders
+        source[0] = source[0].replace("](", "](../reports/")
     text = re.sub(
         r"\[([^\]]+)\]\(\.\./(reports/[\w/-]+)\.md\)",
         lambda found: f"{{doc}}`{found[1].replace('`', '')} </{found[2]}>`",
@@ -52,6 +69,6 @@ def _inside(app, name: str, source: list[str]) -> None:
 
 
 def setup(app) -> None:
-    """Formulas as MathML, which every browser draws by itself: nothing is fetched."""
-    app.connect("source-read", _inside)
+    """Write formulas as MathML: every browser draws it, and nothing is fetched."""
+    app.connect("source-read", _relink)
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))

@@ -12,10 +12,10 @@ from mofit import plots
 
 # %% The result is an xarray tree; everything in it has a unit and a name
 tree = mofit.open("runs/zener")
-tree["clusters/c1"]
+tree["modes/m1"]
 
 # %% ArviZ reads each solution
-arviz_stats.summary(tree["clusters/c1"], round_to="none")
+arviz_stats.summary(tree["modes/m1"], round_to="none")
 
 # %% Every plot draws into the axes it is given, and returns them
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")

@@ -6,7 +6,7 @@ mofit identify campaign.nc --effect examples/own_effect.py
 
 import casadi as ca
 
-from mofit.model import Applied, Effect
+from mofit.models import Applied, Effect
 from mofit.parameters import Parameter
 
 

@@ -3,7 +3,7 @@
 mofit identify campaign.nc --model examples/own_model.py:ZenerDamper
 """
 
-from mofit.model import Channel, Equations, Model
+from mofit.models import Channel, Equations, Model
 from mofit.parameters import Parameter
 
 
@@ -29,5 +29,5 @@ class ZenerDamper(Model):
         x = s.quantity("deflection", s.displacement)  # announced quantities can be changed by effects
         return Equations(
             outputs={"force": s.quantity("spring_force", s.k * x) + s.branch_force},
-            rates={"branch_force": s.k_1 * s.velocity - s.branch_force / s.tau},
+            derivatives={"branch_force": s.k_1 * s.velocity - s.branch_force / s.tau},
         )

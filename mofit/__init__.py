@@ -7,29 +7,39 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mofit.campaign import Campaign, Measurement, Procedure
-    from mofit.campaign_file import read_campaign, write_campaign
-    from mofit.identify import identify
-    from mofit.library import find_effect, find_model
-    from mofit.model import Applied, Channel, Condition, Effect, Equations, Model, Stage, Symbols, with_effects
+    from mofit.data.campaign import Campaign, Experiment, Measurement
+    from mofit.data.campaign_file import read_campaign, write_campaign
+    from mofit.identification.identify import identify
+    from mofit.models import (
+        Applied,
+        Channel,
+        Condition,
+        Effect,
+        Equations,
+        Model,
+        Stage,
+        Symbols,
+        find_effect,
+        find_model,
+        with_effects,
+    )
     from mofit.parameters import Parameter, ParameterSpace
-    from mofit.report.inline import report_page
-    from mofit.result import open_result as open
-    from mofit.simulate import simulate
+    from mofit.report import report_page
+    from mofit.results.io import open_result as open
+    from mofit.simulation.virtual_rig.rig import simulate
 
 __version__ = "0.1.0"
 
 #: public name -> (module, name there)
 _HOMES = {
-    **{name: ("mofit.campaign", name) for name in ("Campaign", "Measurement", "Procedure")},
-    **{name: ("mofit.campaign_file", name) for name in ("read_campaign", "write_campaign")},
+    **{name: ("mofit.data", name) for name in ("Campaign", "Measurement", "Experiment")},
+    **{name: ("mofit.data", name) for name in ("read_campaign", "write_campaign")},
     **{name: ("mofit.parameters", name) for name in ("Parameter", "ParameterSpace")},
     **{
-        name: ("mofit.model", name)
+        name: ("mofit.models", name)
         for name in (
             "Applied",
             "Channel",
@@ -39,15 +49,16 @@ _HOMES = {
             "Model",
             "Stage",
             "Symbols",
+            "find_effect",
+            "find_model",
             "with_effects",
         )
     },
-    **{name: ("mofit.library", name) for name in ("find_effect", "find_model")},
     "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
-    "identify": ("mofit.identify", "identify"),
-    "open": ("mofit.result", "open_result"),
-    "report_page": ("mofit.report.inline", "report_page"),
-    "simulate": ("mofit.simulate", "simulate"),
+    "identify": ("mofit.identification.identify", "identify"),
+    "open": ("mofit.results", "open_result"),
+    "report_page": ("mofit.report", "report_page"),
+    "simulate": ("mofit.simulation.virtual_rig", "simulate"),
 }
 
 __all__ = [
@@ -57,11 +68,11 @@ __all__ = [
     "Condition",
     "Effect",
     "Equations",
+    "Experiment",
     "Measurement",
     "Model",
     "Parameter",
     "ParameterSpace",
-    "Procedure",
     "Stage",
     "Symbols",
     "__version__",
@@ -90,14 +101,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
-
-
-class _Face(ModuleType):
-    """Keeps ``mofit.identify`` the function when the module ``mofit/identify.py`` is imported."""
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOMES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Face

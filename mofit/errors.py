@@ -1,37 +1,38 @@
-"""What can go wrong, said so that it can be mended: where, what, and the cure."""
+"""Issues with an input: where, what, and a hint to the solution."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
 
 @dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong (``error``) or odd (``warning``) with an input.
+class Issue:
+    """One error or warning about an input.
 
     Parameters
     ----------
     where
         The place: file, group, variable, option or parameter.
-    what
+    message
         What was found there, with the value.
-    cure
+    hint
         What the user can do about it.
     severity
         An ``error`` stops the work, a ``warning`` does not.
     """
 
     where: str
-    what: str
-    cure: str
+    message: str
+    hint: str
     severity: Literal["error", "warning"] = "error"
 
     def __str__(self) -> str:
-        end = "" if self.cure.endswith("?") else "."
-        return f"{self.where}: {self.what.rstrip('.')}. {self.cure.rstrip('.')}{end}"
+        end = "" if self.hint.endswith("?") else "."
+        return f"{self.where}: {self.message.rstrip('.')}. {self.hint.rstrip('.')}{end}"
 
 
 class MofitError(Exception):
@@ -39,27 +40,36 @@ class MofitError(Exception):
 
 
 class InputError(MofitError):
-    """The input cannot be used (exit code 2). Carries every fault found, not just the first."""
+    """The input cannot be used (exit code 2). Carries every issue found, not just the first."""
 
-    def __init__(self, faults: Iterable[Fault]) -> None:
-        self.faults = tuple(faults)
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+    def __init__(self, issues: Iterable[Issue]) -> None:
+        self.issues = tuple(issues)
+        super().__init__("\n".join(str(issue) for issue in self.issues))
 
-    def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Fault, ...]]]:
-        """From one process to another with its faults, which the message alone does not hold."""
-        return type(self), (self.faults,)
+    def __reduce__(self) -> tuple[type[InputError], tuple[tuple[Issue, ...]]]:
+        """Pickle with the issues, which the message alone does not carry."""
+        return type(self), (self.issues,)
 
     @classmethod
-    def of(cls, where: str, what: str, cure: str) -> InputError:
-        """An error with a single fault."""
-        return cls([Fault(where, what, cure)])
+    def of(cls, where: str, message: str, hint: str) -> InputError:
+        """An error with a single issue."""
+        return cls([Issue(where, message, hint)])
 
 
-def raise_errors(faults: Iterable[Fault]) -> None:
-    """Raise one `InputError` with all faults of severity ``error``, if there are any."""
-    errors = [fault for fault in faults if fault.severity == "error"]
+def raise_errors(issues: Iterable[Issue]) -> None:
+    """Raise one `InputError` with all issues of severity ``error``, if there are any."""
+    errors = [issue for issue in issues if issue.severity == "error"]
     if errors:
         raise InputError(errors)
+
+
+@contextmanager
+def collected(issues: list[Issue]) -> Iterator[None]:
+    """Add the issues of an `InputError` that the block raises to the list, and continue after the block."""
+    try:
+        yield
+    except InputError as error:
+        issues += error.issues
 
 
 def check_settings(what: str, settings: object, checks: Iterable[tuple[str, bool, str]]) -> None:
@@ -72,17 +82,17 @@ def check_settings(what: str, settings: object, checks: Iterable[tuple[str, bool
     settings
         Holds the values as attributes.
     checks
-        Name of the attribute, whether its value can be used, and the cure if not.
+        Name of the attribute, whether its value can be used, and the hint if not.
     """
     raise_errors(
-        Fault(f"{what} setting '{name}'", f"{getattr(settings, name)!r} cannot be used", cure)
-        for name, fine, cure in checks
+        Issue(f"{what} setting '{name}'", f"{getattr(settings, name)!r} cannot be used", hint)
+        for name, fine, hint in checks
         if not fine
     )
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A cure for an unknown name: the closest known one, else the list of all."""
+    """A hint for an unknown name: the closest known one, else the list of all."""
     known = sorted(known)
     folded = [other for other in known if other.casefold() == name.casefold()]
     close = folded or difflib.get_close_matches(name, known, n=1)

@@ -1,9 +1,9 @@
-"""Parameters with units and bounds, and the box that search, refine and sample move in."""
+"""Parameters with units and bounds, the unit cube of the free ones, and their place among all of a system."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -11,9 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mofit.errors import Fault, InputError, did_you_mean, raise_errors
-
-Array = NDArray[np.float64]
+from mofit._typing import FloatArray
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 
 
 @dataclass(frozen=True)
@@ -50,21 +49,21 @@ class Parameter:
     neutral: float | None = None
     grid: tuple[float, ...] = ()
 
-    def faults(self) -> list[Fault]:
+    def issues(self) -> list[Issue]:
         """Everything that makes this parameter unusable."""
         where = f"parameter '{self.name}'"
         found = []
         if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
-            found.append(Fault(where, f"bounds [{self.lower}, {self.upper}] are not finite", "Give finite bounds"))
+            found.append(Issue(where, f"bounds [{self.lower}, {self.upper}] are not finite", "Give finite bounds"))
         elif not self.lower < self.upper:
             found.append(
-                Fault(
+                Issue(
                     where, f"lower bound {self.lower:g} is not below upper bound {self.upper:g}", "Swap or widen them"
                 )
             )
         elif not self.lower <= self.nominal <= self.upper:
             found.append(
-                Fault(
+                Issue(
                     where,
                     f"nominal value {self.nominal:g} lies outside [{self.lower:g}, {self.upper:g}]",
                     "Move it inside the bounds",
@@ -72,11 +71,11 @@ class Parameter:
             )
         if self.scale == "log" and not self.lower > 0:
             found.append(
-                Fault(where, f"a log scale needs a lower bound above 0, got {self.lower:g}", "Raise it or use 'linear'")
+                Issue(where, f"a log scale needs a lower bound above 0, got {self.lower:g}", "Raise it or use 'linear'")
             )
         special = {"neutral value": () if self.neutral is None else (self.neutral,), "grid value": self.grid}
         found += [
-            Fault(where, f"{what} {value:g} lies outside [{self.lower:g}, {self.upper:g}]", "Move it inside the bounds")
+            Issue(where, f"{what} {value:g} lies outside [{self.lower:g}, {self.upper:g}]", "Move it inside the bounds")
             for what, values in special.items()
             for value in values
             if not self.lower <= value <= self.upper
@@ -94,16 +93,16 @@ class ParameterSpace:
     Raises
     ------
     InputError
-        With every fault of every parameter (bounds, nominal value, names used twice).
+        With every issue of every parameter (bounds, nominal value, names used twice).
     """
 
     parameters: tuple[Parameter, ...]
 
     def __post_init__(self) -> None:
-        faults = [fault for parameter in self.parameters for fault in parameter.faults()]
+        issues = [issue for parameter in self.parameters for issue in parameter.issues()]
         for name in {n for n in self.names if self.names.count(n) > 1}:
-            faults.append(Fault(f"parameter '{name}'", "the name is used twice", "Rename one of them"))
-        raise_errors(faults)
+            issues.append(Issue(f"parameter '{name}'", "the name is used twice", "Rename one of them"))
+        raise_errors(issues)
 
     def __len__(self) -> int:
         return len(self.parameters)
@@ -122,17 +121,17 @@ class ParameterSpace:
         return tuple(parameter.unit for parameter in self.parameters)
 
     @cached_property
-    def lower(self) -> Array:
+    def lower(self) -> FloatArray:
         """Lower bounds, shape (d,)."""
         return np.array([parameter.lower for parameter in self.parameters], dtype=float)
 
     @cached_property
-    def upper(self) -> Array:
+    def upper(self) -> FloatArray:
         """Upper bounds, shape (d,)."""
         return np.array([parameter.upper for parameter in self.parameters], dtype=float)
 
     @cached_property
-    def nominal(self) -> Array:
+    def nominal(self) -> FloatArray:
         """Nominal values, shape (d,)."""
         return np.array([parameter.nominal for parameter in self.parameters], dtype=float)
 
@@ -141,7 +140,7 @@ class ParameterSpace:
         return np.array([parameter.scale == "log" for parameter in self.parameters], dtype=bool)
 
     @cached_property
-    def _base(self) -> tuple[Array, Array]:
+    def _base(self) -> tuple[FloatArray, FloatArray]:
         """Origin and width of the box in scaled coordinates (log where the scale is log)."""
         low, high = self.lower.copy(), self.upper.copy()
         low[self._is_log], high[self._is_log] = np.log(low[self._is_log]), np.log(high[self._is_log])
@@ -172,22 +171,89 @@ class ParameterSpace:
         changed[position] = replace(changed[position], lower=lower, upper=upper, nominal=nominal)
         return ParameterSpace(tuple(changed))
 
-    def to_unit(self, values: ArrayLike) -> Array:
+    def to_unit(self, values: ArrayLike) -> FloatArray:
         """Map values, shape (..., d), to the unit cube."""
         scaled = np.array(values, dtype=float)
         scaled[..., self._is_log] = np.log(scaled[..., self._is_log])
         origin, width = self._base
         return (scaled - origin) / width
 
-    def from_unit(self, unit: ArrayLike) -> Array:
+    def from_unit(self, unit: ArrayLike) -> FloatArray:
         """Map points of the unit cube, shape (..., d), to values."""
         origin, width = self._base
         values = origin + np.asarray(unit, dtype=float) * width
         values[..., self._is_log] = np.exp(values[..., self._is_log])
         return np.clip(values, self.lower, self.upper)
 
-    def slope(self, values: ArrayLike) -> Array:
+    def derivative(self, values: ArrayLike) -> FloatArray:
         """Derivative of value with respect to unit coordinate, shape (..., d)."""
         values = np.asarray(values, dtype=float)
         _, width = self._base
         return np.where(self._is_log, values * width, np.broadcast_to(width, values.shape))
+
+
+@dataclass(frozen=True)
+class ParameterLayout:
+    """All parameters of a system in its order: free ones with their unit cube, the others at fixed values.
+
+    Parameters
+    ----------
+    names
+        All p parameters, in the order in which the system takes them.
+    space
+        The d free ones.
+    fixed
+        Value of every other one; names that the system does not have are ignored.
+
+    Raises
+    ------
+    InputError
+        With every parameter that is neither free nor fixed.
+    """
+
+    names: tuple[str, ...]
+    space: ParameterSpace
+    fixed: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        known = {*self.space.names, *self.fixed}
+        raise_errors(
+            Issue(f"parameter '{name}'", "it is neither free nor fixed", "Free it, or give its value")
+            for name in self.names
+            if name not in known
+        )
+
+    @classmethod
+    def of_model(
+        cls,
+        parameters: Sequence[Parameter],
+        space: ParameterSpace | None = None,
+        fixed: Mapping[str, float] | None = None,
+    ) -> ParameterLayout:
+        """The layout of a model's parameters: all free by default; one that is not free is nominal by default."""
+        space = ParameterSpace(tuple(parameters)) if space is None else space
+        nominal = {p.name: p.nominal for p in parameters if p.name not in space.names}
+        return cls(tuple(p.name for p in parameters), space, nominal | dict(fixed or {}))
+
+    def values(self, u: FloatArray, names: Sequence[str]) -> FloatArray:
+        """Values of named parameters, shape (N, len(names)), at points u (N, d) of the unit cube."""
+        free = self.space.from_unit(u)
+        columns = [
+            free[:, self.space.index(name)] if name in self.space.names else np.full(len(u), self.fixed[name])
+            for name in names
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(u), 0))
+
+    def full(self, u: FloatArray) -> FloatArray:
+        """Values of all parameters, shape (N, p), at points u (N, d) of the unit cube."""
+        return self.values(u, self.names)
+
+    def box(self, corners: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper values of all parameters, (p,) each, over a part of the unit cube from corners (2, d)."""
+        whole = np.array([[0.0], [1.0]]) * np.ones(len(self.space))
+        lower, upper = self.full(whole if corners is None else corners)
+        return lower, upper
+
+    def with_fixed(self, values: Mapping[str, float]) -> ParameterLayout:
+        """The layout with other values of parameters that are not free; those of free ones are ignored."""
+        return replace(self, fixed={name: float(values.get(name, value)) for name, value in self.fixed.items()})

@@ -11,19 +11,18 @@ from matplotlib.lines import Line2D
 
 from mofit.errors import InputError, did_you_mean
 from mofit.report.corner import draw_corner, extract_corner
-from mofit.report.display import display_unit, math_symbol
-from mofit.report.error_per_test import draw_errors, extract_errors
-from mofit.report.loops import draw_loop
+from mofit.report.errors import draw_errors, extract_errors
+from mofit.report.marginals import draw_marginal, draw_place, extract_marginals
 from mofit.report.overlay import Overlay, extract_overlays, output_unit
-from mofit.report.posterior import draw_marginal, extract_marginals
-from mofit.report.run import Cluster, Run
-from mofit.report.search_map import draw_search, extract_search
-from mofit.report.style import BASELINE, FLOOR, MEASURED, cluster_colour, line_key
-from mofit.report.time_traces import draw_trace
+from mofit.report.run import Mode, Run
+from mofit.report.search import draw_search, extract_search
+from mofit.report.signals import draw_loop, draw_trace
+from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.formatting import display_unit, parameter_label
 
 
 def loop(tree: xr.DataTree, test: str, ax: Axes | None = None) -> Axes:
-    """Output over input in the last period of a test: measured, the baseline, and a line per solution.
+    """Output over input in the last period of a test: measured, the baseline, and a line per posterior mode.
 
     Parameters
     ----------
@@ -45,18 +44,18 @@ def loop(tree: xr.DataTree, test: str, ax: Axes | None = None) -> Axes:
         If the run has no such test, or no input for it.
     """
     run = Run(tree)
-    found = [_overlay(run, cluster, test).last(1) for cluster in _predicted(run)]
+    found = [_overlay(run, mode, test).last(1) for mode in run.shown if "prediction" in mode.node.children]
     if not found[0].input.size:
         raise InputError.of(f"test '{test}'", "the run holds no input of it", "Draw it over time: mofit.plots.trace")
     ax = _axes(ax)
     unit = output_unit(found)
     draw_loop(found, unit, ax)
     ax.set_ylabel(unit.label(found[0].output_name))
-    _legend(ax, [line_key(MEASURED, "measured", ls="none", marker="."), *_solutions(run), *_baseline(run)])
+    _legend(ax, [dot_key(MEASURED, "measured", marker="."), *_modes(run), *_baseline(run)])
     return ax
 
 
-def trace(tree: xr.DataTree, test: str, cluster: str = "c1", axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
+def trace(tree: xr.DataTree, test: str, mode: str = "m1", axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
     """Measured and simulated output of a test over time, and below it the residual in the band of the noise.
 
     Parameters
@@ -65,8 +64,8 @@ def trace(tree: xr.DataTree, test: str, cluster: str = "c1", axes: Sequence[Axes
         A result, from `mofit.open`.
     test
         Name of the test.
-    cluster
-        The solution.
+    mode
+        The posterior mode.
     axes
         Two axes to draw into, output and residual; by default those of a new figure.
 
@@ -78,10 +77,10 @@ def trace(tree: xr.DataTree, test: str, cluster: str = "c1", axes: Sequence[Axes
     Raises
     ------
     InputError
-        If the run has no such test or solution.
+        If the run has no such test or mode.
     """
     run = Run(tree)
-    overlay = _overlay(run, _cluster(run, cluster), test).last(2)
+    overlay = _overlay(run, _mode(run, mode), test).last(2)
     above, below = _two_axes() if axes is None else axes
     unit = output_unit([overlay])
     small = display_unit(overlay.output_unit, overlay.measured - overlay.simulated)
@@ -89,14 +88,13 @@ def trace(tree: xr.DataTree, test: str, cluster: str = "c1", axes: Sequence[Axes
     above.set_ylabel(unit.label(overlay.output_name))
     below.set_ylabel(small.label("residual"))
     below.set_xlabel("time (s)")
-    solution = line_key(cluster_colour(0), f"model, {cluster}")
-    noise = line_key(FLOOR, "noise, ± 2 sd", lw=6, alpha=0.4)
-    _legend(above, [line_key(MEASURED, "measured", lw=2.6, alpha=0.35), solution, *_baseline(run), noise])
+    measured, model = line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(mode_colour(0), f"model, {mode}")
+    _legend(above, [measured, model, *_baseline(run), band_key(FLOOR, "noise, ± 2 sd")])
     return above, below
 
 
 def errors(tree: xr.DataTree, ax: Axes | None = None) -> Axes:
-    """NRMSD of every solution and the baseline per test, beside the noise floor.
+    """NRMSD of every posterior mode and the baseline per test, beside the noise floor.
 
     Parameters
     ----------
@@ -113,12 +111,12 @@ def errors(tree: xr.DataTree, ax: Axes | None = None) -> Axes:
     run = Run(tree)
     ax = _axes(ax)
     draw_errors(extract_errors(run), np.ones(len(run.tests), dtype=bool), False, ax)
-    _legend(ax, [*_solutions(run), *_baseline(run), line_key(FLOOR, "noise floor", lw=5, alpha=0.5)])
+    _legend(ax, [*_modes(run), *_baseline(run), band_key(FLOOR, "noise floor", 0.5)])
     return ax
 
 
 def marginal(tree: xr.DataTree, parameter: str, ax: Axes | None = None) -> Axes:
-    """Posterior of one parameter, a histogram per solution; the strip above is its place in the searched box.
+    """Posterior of one parameter, a histogram per mode; the strip above is its place in the prior box.
 
     Parameters
     ----------
@@ -143,21 +141,23 @@ def marginal(tree: xr.DataTree, parameter: str, ax: Axes | None = None) -> Axes:
     found = {one.parameter: one for one in extract_marginals(run)}
     one = found[_known("parameter", parameter, found)]
     ax = _axes(ax)
-    draw_marginal(one, {cluster.name: cluster_colour(cluster.index) for cluster in run.clusters}, ax)
-    ax.set_xlabel(_label(run, parameter))
-    _legend(ax, _solutions(run))
+    colours = {mode.name: mode.colour for mode in run.modes}
+    draw_marginal(one, colours, ax)
+    draw_place(one, colours, ax)
+    ax.set_xlabel(parameter_label(parameter, one.unit))
+    _legend(ax, _modes(run))
     return ax
 
 
-def corner(tree: xr.DataTree, cluster: str = "c1", ax: Axes | None = None) -> Axes:
-    """Joint posterior of each pair of parameters of a solution.
+def corner(tree: xr.DataTree, mode: str = "m1", ax: Axes | None = None) -> Axes:
+    """Joint posterior of each pair of parameters of a mode.
 
     Parameters
     ----------
     tree
         A result, from `mofit.open`.
-    cluster
-        The solution.
+    mode
+        The posterior mode.
     ax
         Axes to draw into, best square; by default the current ones of pyplot.
 
@@ -169,13 +169,13 @@ def corner(tree: xr.DataTree, cluster: str = "c1", ax: Axes | None = None) -> Ax
     Raises
     ------
     InputError
-        If the run has no such solution, or has not sampled it.
+        If the run has no such mode, or has not sampled it.
     """
     run = Run(tree)
-    found = _cluster(run, cluster)
-    if found.draws is None:
-        raise InputError.of(f"solution '{cluster}'", "it was not sampled", "Name one that was")
-    return draw_corner(extract_corner(run, found), cluster_colour(found.index), _axes(ax))
+    found = _mode(run, mode)
+    if not found.sampled:
+        raise InputError.of(f"mode '{mode}'", "it was not sampled", "Name one that was")
+    return draw_corner(extract_corner(run, found), found.colour, _axes(ax))
 
 
 def search(tree: xr.DataTree, x: str, y: str | None = None, ax: Axes | None = None) -> Axes:
@@ -200,18 +200,13 @@ def search(tree: xr.DataTree, x: str, y: str | None = None, ax: Axes | None = No
     InputError
         If the run holds no search, or no such parameter.
     """
-    run = Run(tree)
-    found = extract_search(run)
+    found = extract_search(Run(tree))
     if found is None:
         raise InputError.of("result", "the run holds no search", "Name another run")
     names = found.parameters
     across = names.index(_known("parameter", x, names))
     up = None if y is None else names.index(_known("parameter", y, names))
-    ax = draw_search(found, across, up, run.is_log(names), _axes(ax))
-    ax.set_xlabel(_label(run, x))
-    if y is not None:
-        ax.set_ylabel(_label(run, y))
-    return ax
+    return draw_search(found, across, up, _axes(ax))
 
 
 def _axes(ax: Axes | None) -> Axes:
@@ -236,27 +231,18 @@ def _known(what: str, name: str, known: Iterable[str]) -> str:
     return name
 
 
-def _cluster(run: Run, name: str) -> Cluster:
-    clusters = {cluster.name: cluster for cluster in run.clusters}
-    return clusters[_known("solution", name, clusters)]
+def _mode(run: Run, name: str) -> Mode:
+    modes = {mode.name: mode for mode in run.modes}
+    return modes[_known("mode", name, modes)]
 
 
-def _predicted(run: Run) -> list[Cluster]:
-    return [cluster for cluster in run.shown if "prediction" in cluster.node.children]
-
-
-def _overlay(run: Run, cluster: Cluster, test: str) -> Overlay:
-    overlays = {overlay.test: overlay for overlay in extract_overlays(run, cluster)}
+def _overlay(run: Run, mode: Mode, test: str) -> Overlay:
+    overlays = {overlay.test: overlay for overlay in extract_overlays(run, mode)}
     return overlays[_known("test", test, overlays)]
 
 
-def _label(run: Run, parameter: str) -> str:
-    unit = run.unit(parameter)
-    return math_symbol(parameter) + ("" if unit == "1" else f" ({unit})")
-
-
-def _solutions(run: Run) -> list[Line2D]:
-    return [line_key(cluster_colour(cluster.index), f"model, {cluster.name}") for cluster in run.shown]
+def _modes(run: Run) -> list[Line2D]:
+    return [line_key(mode.colour, f"model, {mode.name}") for mode in run.shown]
 
 
 def _baseline(run: Run) -> list[Line2D]:

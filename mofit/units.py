@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mofit.errors import MofitError
+from mofit._typing import FloatArray
+from mofit.errors import InputError, MofitError
 
 if TYPE_CHECKING:
     import pint
 
-Array = NDArray[np.float64]
+
+#: a number in SI units, or text with its unit: "25 mm"
+Quantity: TypeAlias = float | str
 
 #: SI units as mofit spells them; for an unknown channel the first with the same dimension is taken
 SI_UNITS = (
@@ -72,7 +75,7 @@ def is_unit(text: str) -> bool:
     return True
 
 
-def to_si(values: ArrayLike, unit: str, target: str) -> Array:
+def to_si(values: ArrayLike, unit: str, target: str) -> FloatArray:
     """Convert values to the SI unit ``target``.
 
     An angle is not a plain number here: ``deg`` converts to ``rad``, ``1`` does not.
@@ -89,6 +92,24 @@ def to_si(values: ArrayLike, unit: str, target: str) -> Array:
     if _root(unit) != _root(target):
         raise UnitError(f"unit '{unit}' does not fit '{target}'")
     return np.asarray(_registry().Quantity(array, _parse(unit)).to(_parse(target)).magnitude, dtype=float)
+
+
+def parse_quantity(where: str, value: Quantity, unit: str | None) -> tuple[float, str]:
+    """A quantity in SI units and its unit; a text must bring its unit.
+
+    Raises
+    ------
+    InputError
+        If the text is no number with a unit, or the unit does not fit ``unit``.
+    """
+    if not isinstance(value, str):
+        return float(value), unit or "1"
+    number, _, given = value.strip().partition(" ")
+    try:
+        target = unit or si_unit(given)
+        return float(to_si(float(number), given, target)), target
+    except (ValueError, UnitError) as error:
+        raise InputError.of(where, f"'{value}': {error}", "Write a number and its unit, like '25 mm'") from error
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The documentation builds without a warning and without the network."""
+"""The documentation builds without a warning and without the network, and says what the code does."""
 
 import re
 import subprocess
@@ -7,14 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from mofit.sampling import SampleSettings
+
 ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+#: Pages that Sphinx does not build; it checks the links of those that it does.
+LOOSE_PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory):
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("sphinx", reason="needs the packages of the development group")
     out = tmp_path_factory.mktemp("docs")
-    places = ("-d", out / "cache", ROOT / "docs", out / "html")
+    places = ("-d", out / "cache", DOCS, out / "html")
     built = subprocess.run(
         [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", *places],
         capture_output=True,
@@ -25,7 +30,7 @@ def site(tmp_path_factory):
     return out / "html"
 
 
-def test_pages_fetch_nothing(site):
+def test_pages_fetch_nothing(site: Path) -> None:
     pages = list(site.glob("*.html"))
     assert len(pages) > 10
     for page in pages:
@@ -33,8 +38,8 @@ def test_pages_fetch_nothing(site):
         assert not fetched, page.name
 
 
-def test_every_command_is_told(site):
-    from mofit.cli import app
+def test_the_help_of_every_command_is_there(site: Path) -> None:
+    from mofit.cli.app import app
 
     text = (site / "commands.html").read_text()
     for name in app:
@@ -42,5 +47,66 @@ def test_every_command_is_told(site):
             assert f"Usage: mofit {name}" in text
 
 
-def test_formulas_are_drawn_by_the_browser(site):
+def test_every_model_and_effect_is_described(site: Path) -> None:
+    from mofit.models import effect_names, find_effect, find_model, model_names
+
+    text = (site / "models.html").read_text(encoding="utf-8")
+    for item in (*map(find_model, model_names()), *map(find_effect, effect_names())):
+        for name in (item.name, *(parameter.name for parameter in item.parameters)):
+            assert f">{name}</span>" in text, name
+
+
+def test_formulas_are_drawn_by_the_browser(site: Path) -> None:
     assert (site / "models.html").read_text().count("<math") > 10
+
+
+@pytest.mark.parametrize("name", LOOSE_PAGES)
+def test_links_to_files_lead_somewhere(name: str) -> None:
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", (ROOT / name).read_text(encoding="utf-8"))
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_scripts_that_are_named_exist() -> None:
+    pages = [*(ROOT / name for name in LOOSE_PAGES), *DOCS.glob("*.md")]
+    text = "".join(page.read_text(encoding="utf-8") for page in pages)
+    named = set(re.findall(r"\bscripts/[a-z_/0-9]+\.py", text))
+    assert len(named) > 3
+    assert [name for name in named if not (ROOT / name).is_file()] == []
+
+
+def test_the_glossary_is_in_alphabetical_order() -> None:
+    terms = re.findall(r"^## (.+)$", (DOCS / "glossary.md").read_text(encoding="utf-8"), re.M)
+    assert len(terms) > 40
+    assert terms == sorted(terms, key=str.casefold)
+
+
+def test_the_glossary_and_the_method_name_modules_that_exist() -> None:
+    text = (DOCS / "glossary.md").read_text(encoding="utf-8") + (DOCS / "method.md").read_text(encoding="utf-8")
+    named = [name for name in re.findall(r"`([a-z_/0-9]+\.py)`", text) if not name.startswith("scripts/")]
+    assert len(named) > 10
+    assert [name for name in named if not (ROOT / "mofit" / name).is_file()] == []
+
+
+def test_pictures_are_small_used_and_made_by_the_script() -> None:
+    script = (ROOT / "scripts" / "docs_pictures.py").read_text(encoding="utf-8")
+    script += (ROOT / "scripts" / "architecture.py").read_text(encoding="utf-8")
+    pages = "".join(page.read_text(encoding="utf-8") for page in [*DOCS.glob("*.md"), ROOT / "CONTRIBUTING.md"])
+    pictures = [*(DOCS / "images").iterdir()]
+    assert pictures
+    for picture in pictures:
+        assert picture.stat().st_size < 100_000, picture.name
+        assert f"images/{picture.name}" in pages, picture.name
+        assert picture.stem in script, picture.name
+
+
+def test_numbers_of_the_method_are_those_of_the_code() -> None:
+    text = " ".join((DOCS / "method.md").read_text(encoding="utf-8").split())
+    sampling = SampleSettings()
+    for sentence in (
+        f"longer than {sampling.tau_multiple:g} autocorrelation times",
+        f"settled to {100 * sampling.tau_change:g} %",
+        f"R-hat is at most {sampling.max_r_hat:g}",
+        f"effective sample size is at least {sampling.min_ess:,.0f}",
+        f"{100 * sampling.independence:g} % propose",
+    ):
+        assert sentence in text

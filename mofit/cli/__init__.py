@@ -9,16 +9,7 @@ from collections.abc import Sequence
 from cyclopts import CycloptsError
 
 # they register their commands
-from mofit.cli import (  # noqa: F401
-    batches,
-    benchmarks,
-    campaigns,
-    design_command,
-    diagnose_command,
-    export_command,
-    planning,
-    runs,
-)
+from mofit.cli import batch, campaign, compare, design, diagnose, export, identify  # noqa: F401
 from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
 from mofit.errors import InputError
 
@@ -26,7 +17,7 @@ from mofit.errors import InputError
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code (see the README)."""
     # matrices are small here: the threads of NumPy's linear algebra would wait for one another in busy loops and take
-    # the cores from the kernel's. Said before NumPy is imported; who knows better has said so already
+    # the cores from the kernel's. Set before NumPy is imported; the user's own setting wins
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # most of what imports and figures make stays: looking for garbage after every 700 objects, as Python does by
     # itself, takes a sixth of the importing and a quarter of the drawing
@@ -41,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"mofit: {error}".rstrip() + " See mofit --help.")
         return UNUSABLE
     except KeyboardInterrupt:
-        say("mofit: interrupted; nothing is damaged. identify goes on with --resume, batch when called again.")
+        say("mofit: interrupted; nothing is lost. Resume identify with --resume, batch with the same command.")
         return INTERRUPTED
     except BrokenPipeError:
         return DONE

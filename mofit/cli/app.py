@@ -6,7 +6,7 @@ import json
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from cyclopts import App, Parameter
 
@@ -25,14 +25,11 @@ def _shown(default: Any) -> str | None:
 app = App(
     name="mofit",
     version=__version__,
-    help="Identify dynamic models from test-bench data, with every plausible solution and an honest spread.",
+    help="Identify dynamic models from test-bench data, with every plausible solution and calibrated uncertainty.",
     help_format="rich",
     suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative="", show_default=_shown),
 )
-
-Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
-Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. All cores by default.")]
 
 
 def say(text: str) -> None:

@@ -3,52 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mofit.campaign import Campaign
-from mofit.diagnosis.baseline import Fitted
-from mofit.diagnosis.cause import Cause, causes
-from mofit.diagnosis.hypothesis import drives_of
-from mofit.diagnosis.steps import bounded, tamed, with_enough_steps
-from mofit.drives import lacking
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.hypothesis import experiments_of
+from mofit.diagnosis.integration import clipped, stable, with_enough_steps
+from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
-from mofit.kernel import Simulator
-from mofit.library import effect_names, find_effect
-from mofit.model import Effect, Model, why_not, with_effects
-
-Array = NDArray[np.float64]
-
-#: Relative error of the direction of a score test that is let pass: it costs 1e-4 of the test's power.
-_SLOPE_ERROR = 0.01
-#: Fewest Runge-Kutta steps per sampling interval for effects without states.
-_STATIC_STEPS = 2
+from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
+from mofit.simulation import Simulator, lacking
 
 
 @dataclass(frozen=True)
 class Candidate:
-    r"""An effect and the white rows that it adds per unit of its size, to first order.
+    r"""An effect and the whitened rows that it adds per unit of its size, to first order.
 
     Parameters
     ----------
-    causes
+    discrepancies
         The effect at every point of its grid, in the dynamic tests alone or in all; G of them.
-    slopes
+    sensitivities
         S at the neutral size, (G, m + p, q), rows of the prior included.
     steps
-        Runge-Kutta steps per sampling interval that they took.
+        Runge–Kutta steps per sampling interval that they took.
     """
 
-    causes: tuple[Cause, ...]
-    slopes: Array
+    discrepancies: tuple[Discrepancy, ...]
+    sensitivities: FloatArray
     steps: int
 
     @property
     def effect(self) -> Effect:
         """The effect."""
-        return self.causes[0].effect
+        return self.discrepancies[0].effect
 
     @property
     def name(self) -> str:
@@ -58,11 +50,11 @@ class Candidate:
     @property
     def integrates(self) -> bool:
         """Whether its states can be integrated at any point of its grid."""
-        return any(bounded(slopes) for slopes in self.slopes)
+        return any(stable(columns) for columns in self.sensitivities)
 
     @property
     def signs(self) -> tuple[int, ...]:
-        """Per part of the size: 1 if it cannot be below neutral, -1 if it cannot be above, else 0."""
+        """Per component of the size: 1 if it cannot be below neutral, -1 if it cannot be above, else 0."""
         size = [p for p in self.effect.parameters if p.neutral is not None]
         return tuple(int(p.neutral == p.lower) - int(p.neutral == p.upper) for p in size)
 
@@ -78,12 +70,12 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
         The tests that are used.
     names
         Shipped names or ``path/to/file.py:Name``. Files join the shipped effects; if a shipped name is given, only
-        what is named takes part.
+        the named effects take part.
 
     Raises
     ------
     InputError
-        If an effect that was named is unknown or does not fit.
+        If a named effect is unknown or does not fit.
     """
     own = [name for name in names if name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
@@ -91,9 +83,9 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     for name in (*(only or effect_names()), *own):
         effect = find_effect(name)
         present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
-        reason = "the model has it already" if present else why_not(effect, model)
-        if reason is None and (faults := lacking(with_effects(model, effect), campaign)):
-            reason = f"{faults[0].where}: {faults[0].what}"
+        reason = "the model has it already" if present else incompatibility(effect, model)
+        if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
+            reason = f"{issues[0].where}: {issues[0].message}"
         if reason is not None and name in names:
             raise InputError.of(f"effect '{name}'", reason, "Leave it out, or choose another model")
         if reason is not None:
@@ -110,42 +102,56 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     direction of a score test need not be exact for its level to be.
     """
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
-    system, simulator = observed.workshop.simulator(
-        with_effects(observed.problem.model, *beside, effect), drives_of(observed, [*beside, effect]), effect.size, 1
+    settings = observed.settings.integration
+    system, simulator = observed.simulators.simulator(
+        with_effects(observed.problem.model, *beside, effect),
+        experiments_of(observed, [*beside, effect]),
+        effect.size,
+        settings.fewest_steps,
     )
-    here = dict(zip(model.system.parameters, model.full(fitted.minimum.point[None])[0], strict=True))
+    here = {**model.layout.fixed, **fitted.values}
     sets = [{**here, **effect.neutral, **point} for point in effect.grid_points]
     values = np.array([[point[name] for name in system.parameters] for point in sets])
 
-    def slopes(at: Simulator) -> Array:
-        return observed.white([tamed(slope) for _, slope in at.sensitivities(values)])
+    def sensitivities(at: Simulator) -> FloatArray:
+        return observed.whitened([clipped(slope) for _, slope in at.sensitivities(values)])
 
-    def change(coarse: Array, fine: Array) -> float:
+    def change(coarse: FloatArray, fine: FloatArray) -> float:
         size = np.linalg.norm(fine, axis=(1, 2)) + np.finfo(float).tiny
         return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
 
     if effect.states:
-        simulator, points = with_enough_steps(simulator, slopes, change, _SLOPE_ERROR)
+        simulator, points = with_enough_steps(simulator, sensitivities, change, settings.sensitivity_change, settings)
     else:
-        # nothing moves faster than in the fitted model
-        simulator = simulator.with_steps(max(model.simulator.steps or 1, _STATIC_STEPS))
-        points = slopes(simulator)
-    found = causes(effect, observed.problem.space, observed.calibrations, observed.workshop)
+        simulator = simulator.with_steps(max(model.steps, settings.static_steps))
+        points = sensitivities(simulator)
+    found = observed.stages.discrepancies(effect)
     root = observed.prior_root[1]
-    rows = [np.concatenate([points[i % len(points)], root @ cause.carried]) for i, cause in enumerate(found)]
+    rows = [np.concatenate([points[i % len(points)], root @ one.sensitivity]) for i, one in enumerate(found)]
     return Candidate(tuple(found), np.stack(rows), simulator.steps or 1)
 
 
-def moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:
+def effects_moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:
     """Effects of the fitted model that move conditions of the tests which are needed."""
     conditions = {condition.name for condition in fitted.hypothesis.observed.problem.model.conditions}
     return [effect for effect in fitted.hypothesis.effects if conditions & {*effect.on} & {*needs}]
 
 
-def as_seen_by(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates, prepared anew where they need a condition of the tests that an effect of the fitted model moves.
+def prepared_at(fitted: Fitted, candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates, prepared again where they need a condition of the tests that an effect of the fitted model moves.
 
-    At another speed a wheel turns with another frequency: after some turns nothing is left of the first direction.
+    At another speed a wheel turns with another frequency: after some turns the first direction is useless.
     """
-    beside = [moving(fitted, one.effect.needs) for one in candidates]
+    beside = [effects_moving(fitted, one.effect.needs) for one in candidates]
     return [prepare(fitted, c.effect, by) if by else c for c, by in zip(candidates, beside, strict=True)]
+
+
+def rescaled(candidates: Sequence[Candidate], old: WhitenedData, new: WhitenedData) -> list[Candidate]:
+    """Candidates of the same tests with another noise."""
+    factor = np.sqrt(old.variance / new.variance)
+    found = []
+    for one in candidates:
+        sensitivities = one.sensitivities.copy()
+        sensitivities[:, : len(factor)] *= factor[:, None]
+        found.append(replace(one, sensitivities=sensitivities))
+    return found

@@ -4,83 +4,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mofit.campaign import Campaign
-from mofit.diagnosis.agreement import Agreement, agreements
-from mofit.diagnosis.baseline import Fitted, fit_baseline, pose
-from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
-from mofit.diagnosis.estimate import counting_remainder, scaled, share_left
-from mofit.diagnosis.locate import Where, locate
-from mofit.diagnosis.next_test import NextTest, next_test
-from mofit.diagnosis.observed import Observed, with_discrepancy
-from mofit.diagnosis.refit import Explanation
-from mofit.diagnosis.remaining import remaining
-from mofit.diagnosis.several import Attribution, attribute
-from mofit.diagnosis.shrink import Shrinkage, shrink
-from mofit.diagnosis.thresholds import Thresholds
-from mofit.diagnosis.verdict import Conclusion, conclude
-from mofit.diagnosis.workshop import Workshop
-from mofit.model import Effect, Model
-from mofit.progress import Progress, silent
-from mofit.settings import Settings
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.diagnosis.candidates import Candidate, choose_effects, prepare, rescaled
+from mofit.diagnosis.conclusion import Conclusion, conclude
+from mofit.diagnosis.cross_validation import cross_validate
+from mofit.diagnosis.fitting import Fitted, fit_baseline, set_up
+from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.model_search import Attribution, attribute, with_final_estimates
+from mofit.diagnosis.next_experiment import next_experiment
+from mofit.diagnosis.refit import CandidateModel, share_left
+from mofit.diagnosis.residual_map import ResidualMap, homogeneity, residual_map
+from mofit.diagnosis.residual_tests import residual_tests
+from mofit.diagnosis.result import Diagnosis
+from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.identification.settings import Settings
+from mofit.models import Effect, Model
+from mofit.runtime.progress import Progress, silent
 
-Array = NDArray[np.float64]
-
-_TOO_STIFF = "what it adds runs away: too stiff to integrate between these samples; sample faster"
-
-
-@dataclass(frozen=True)
-class Diagnosis:
-    """All that was found; see the modules of the parts. In a notebook it shows its page.
-
-    Parameters
-    ----------
-    campaign, source
-        Title and source of the campaign.
-    conclusion
-        Verdict, sentence, effects, group.
-    attribution
-        Every candidate and every explanation that was tried, with the fits of `mofit.diagnosis.estimate`.
-    before, after
-        The gap located, without effects and with the best explanation.
-    agreements
-        Whether single tests agree on the model's parameters.
-    shrinkage, shrinkage_reason
-        How far the gap shrinks, or why that is not said.
-    next_test
-        What would tell alike explanations apart.
-    nrmsd_before, nrmsd_after, noise_floor
-        Per test.
-    left_out
-        Effects that could not be candidates, and why.
-    seconds
-        Processor time.
-    """
-
-    campaign: str
-    source: str
-    conclusion: Conclusion
-    attribution: Attribution
-    before: Where
-    after: Where
-    agreements: tuple[Agreement, ...]
-    shrinkage: Shrinkage | None
-    shrinkage_reason: str
-    next_test: NextTest | None
-    nrmsd_before: Mapping[str, float]
-    nrmsd_after: Mapping[str, float]
-    noise_floor: Mapping[str, float]
-    left_out: Mapping[str, str]
-    seconds: float = field(compare=False)
-
-    def _repr_html_(self) -> str:
-        from mofit.diagnosis.page_data import diagnosis_page
-
-        return diagnosis_page(self)._repr_html_()
+_TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
+_NOT_HELD_OUT = "a fit without one of the tests is too stiff to be integrated in that test; sample it faster"
 
 
 def diagnose(
@@ -90,8 +38,8 @@ def diagnose(
     settings: Settings | None = None,
     *,
     tests: Sequence[str] = (),
-    thresholds: Thresholds | None = None,
-    workshop: Workshop | None = None,
+    diagnosis: DiagnosisSettings | None = None,
+    simulators: SimulatorCache | None = None,
     progress: Progress = silent,
 ) -> Diagnosis:
     """Diagnose the gap between a campaign and a model.
@@ -108,10 +56,12 @@ def diagnose(
         Bounds, fixed parameters, seed, threads; the rest is for identifications.
     tests
         Names of the tests; all of the model's kinds if none is named.
-    thresholds
-        Where lines are drawn.
-    workshop
+    diagnosis
+        Settings of the method.
+    simulators
         Keeps compiled models from one campaign to the next.
+    progress
+        Called at the start of every step.
 
     Raises
     ------
@@ -119,30 +69,24 @@ def diagnose(
         If campaign, model and effects don't fit together.
     """
     began = time.process_time()
-    settings, thresholds = settings or Settings(), thresholds or Thresholds()
-    observed, start = pose(model, campaign, settings, tests, workshop)
+    settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
+    observed, start = set_up(model, campaign, settings, tests, simulators, rules)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    case, ignored = _investigate(observed, start, chosen, settings, thresholds, progress), 0.0
-    if case.conclusion.verdict == "unknown" and case.coarseness > thresholds.coarse:
-        roughly = thresholds.roughly(case.coarseness)
-        again = case.singly(roughly)
-        if not again.leads(thresholds.coarse_lead):
-            ignored = thresholds.resolution * case.before.relative
-            rough = with_discrepancy(observed, ignored)
-            here = case.found.baseline.minimum.point
-            again = _investigate(rough, here, chosen, settings, roughly, progress)
-        case, ignored = (again, ignored) if again.leads(thresholds.coarse_lead) else (case, 0.0)
+    case, ignored = _investigate(observed, start, chosen, settings.seed, rules, progress), 0.0
+    if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.verdict.coarse:
+        case, ignored = _relaxed(case, observed, chosen, settings.seed, progress)
     found, conclusion, candidates = case.found, case.conclusion, case.candidates
-    if ignored > 0 or found.best_left.p < thresholds.left:
+    if ignored > 0 or found.best_residuals.p_value < rules.significance.residual:
         remainder = float(np.hypot(ignored, case.after.relative))
-        found = counting_remainder(observed, remainder, found, conclusion.alike)
-        conclusion = conclude(found, case.before, case.after, case.thresholds, share_left(found))
-        candidates = scaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
-    reason = _why_not(conclusion, found, thresholds)
-    progress("shrink", 0, 1, "")
-    shrinkage = None if reason else shrink(found, candidates, settings.seed)
-    if not reason and shrinkage is None:
-        reason = "what was fitted without one of the tests is too stiff to be integrated in it; sample it faster"
+        found = with_final_estimates(found, observed, remainder, conclusion.indistinguishable)
+        share = share_left(found.best.fitted, found.baseline)
+        conclusion = conclude(found, case.before, case.after, case.settings, share)
+        candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
+    reason = _why_no_shrinkage(conclusion, found)
+    progress("held-out tests", 0, 1, "")
+    shrinkage = None if reason else cross_validate(found, candidates, settings.seed)
+    # models that do not explain the gap need no discrimination
+    following = None if conclusion.verdict == "unknown" else next_experiment(observed, case.undecided)
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,
@@ -150,110 +94,130 @@ def diagnose(
         attribution=found,
         before=case.before,
         after=case.after,
-        agreements=tuple(agreements(case.found.baseline)),
+        homogeneity=tuple(homogeneity(case.found.baseline)),
         shrinkage=shrinkage,
-        shrinkage_reason=reason,
-        # explanations that do not explain need no parting
-        next_test=None if conclusion.verdict == "unknown" else next_test(observed, case.doubtful),
+        shrinkage_reason=reason or ("" if shrinkage else _NOT_HELD_OUT),
+        next_experiment=following,
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
         seconds=time.process_time() - began,
-    )  # fmt: skip
+        page=_page,
+    )
 
 
 @dataclass(frozen=True)
 class _Case:
-    """One pass through screen, refits and conclusion."""
+    """One pass through score tests, refits and conclusion."""
 
-    thresholds: Thresholds
+    settings: DiagnosisSettings
     candidates: Sequence[Candidate]
     stiff: Mapping[str, str]
     found: Attribution
-    before: Where
-    after: Where
+    before: ResidualMap
+    after: ResidualMap
     conclusion: Conclusion
 
     @property
-    def coarseness(self) -> float:
-        """Largest gap of a test relative to its output's peak."""
-        where = self.before
-        return max(np.sqrt(max(square, 0.0)) / where.peaks[test] for test, square in where.squares.items())
+    def undecided(self) -> tuple[CandidateModel, ...]:
+        """Models for a next experiment: where some are indistinguishable, those, and others that are not ruled out.
+
+        One that has all the effects of an indistinguishable one, and more, cannot be discriminated from it. With the
+        effect present in the calibration tests or not: both count.
+        """
+        equal, limit = self.conclusion.indistinguishable, self.found.best.criterion + self.settings.verdict.possible
+        if len(equal) < 2:
+            return equal
+        known = {one.effects for one in equal} | {()}
+        others = [one for one in self.found.models if one.effects not in known and one.criterion < limit]
+        others = [one for one in others if not any({*few.effects} < {*one.effects} for few in equal)]
+        ways = [one.alternative for one in (*equal, *others) if one.alternative is not None]
+        return (*equal, *others, *(one for one in ways if one.criterion < limit))
+
+    def with_single_effects(self, settings: DiagnosisSettings) -> _Case:
+        """The same with models of at most one effect."""
+        single = tuple(one for one in self.found.models if len(one.effects) < 2)
+        found = replace(self.found, models=single, best_residuals=residual_tests(single[0].fitted))
+        after = residual_map(single[0].fitted)
+        conclusion = conclude(found, self.before, after, settings)
+        return replace(self, settings=settings, found=found, after=after, conclusion=conclusion)
 
     @property
-    def doubtful(self) -> tuple[Explanation, ...]:
-        """Explanations for a next test to part: where some are alike, those, and others that are not ruled out.
-
-        One that has all the effects of one alike, and more, cannot be parted from it. In the calibration tests or not:
-        both ways count.
-        """
-        alike, limit = self.conclusion.alike, self.found.best.criterion + self.thresholds.possible
-        if len(alike) < 2:
-            return alike
-        known = {one.effects for one in alike} | {()}
-        others = [one for one in self.found.explanations if one.effects not in known and one.criterion < limit]
-        others = [one for one in others if not any({*few.effects} < {*one.effects} for few in alike)]
-        ways = [one.other_way for one in (*alike, *others) if one.other_way is not None]
-        return (*alike, *others, *(one for one in ways if one.criterion < limit))
-
-    def singly(self, thresholds: Thresholds) -> _Case:
-        """The same with explanations of one effect alone."""
-        single = tuple(explanation for explanation in self.found.explanations if len(explanation.effects) < 2)
-        found = replace(self.found, explanations=single, best_left=remaining(single[0].fitted))
-        after = locate(single[0].fitted)
-        conclusion = conclude(found, self.before, after, thresholds)
-        return replace(self, thresholds=thresholds, found=found, after=after, conclusion=conclusion)
-
-    def leads(self, factor: float) -> bool:
-        """Whether one effect is named and any other alone leaves so many times as much of the gap's squares."""
+    def dominated(self) -> bool:
+        """Whether one effect is named and any other alone leaves several times as much of the gap's squares."""
         left: dict[tuple[str, ...], float] = {
-            explanation.effects: sum(locate(explanation.fitted).squares.values())
-            for explanation in self.found.explanations
-            if len(explanation.effects) == 1
+            one.effects: sum(residual_map(one.fitted).squares.values())
+            for one in self.found.models
+            if len(one.effects) == 1
         }
         best = left.pop(self.found.best.effects, np.inf)
-        return self.conclusion.verdict == "effect" and factor * best < min(left.values(), default=np.inf)
+        next_best = min(left.values(), default=np.inf)
+        return self.conclusion.verdict == "effect" and self.settings.verdict.coarse_factor * best < next_best
 
 
 def _investigate(
-    observed: Observed,
-    start: Array,
+    observed: WhitenedData,
+    start: FloatArray,
     effects: Sequence[Effect],
-    settings: Settings,
-    thresholds: Thresholds,
+    seed: int,
+    settings: DiagnosisSettings,
     progress: Progress,
 ) -> _Case:
     progress("baseline", 0, 1, "the model without effects")
-    baseline = fit_baseline(observed, start, settings.seed)
+    baseline = fit_baseline(observed, start, seed)
     prepared = []
     for number, effect in enumerate(effects):
-        progress("screen", number, len(effects), effect.name)
+        progress("score test", number, len(effects), effect.name)
         prepared.append(prepare(baseline, effect))
     candidates = [candidate for candidate in prepared if candidate.integrates]
     stiff = {candidate.name: _TOO_STIFF for candidate in prepared if not candidate.integrates}
-    found = attribute(baseline, candidates, thresholds, progress)
-    before, after = locate(baseline), locate(found.best.fitted)
-    return _Case(thresholds, candidates, stiff, found, before, after, conclude(found, before, after, thresholds))
+    found = attribute(baseline, candidates, settings, progress)
+    before, after = residual_map(baseline), residual_map(found.best.fitted)
+    return _Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
 
 
-def _why_not(conclusion: Conclusion, found: Attribution, thresholds: Thresholds) -> str:
-    """Why the shrinkage is not said; empty if it is."""
+def _relaxed(
+    case: _Case, observed: WhitenedData, effects: Sequence[Effect], seed: int, progress: Progress
+) -> tuple[_Case, float]:
+    """The relaxed criterion: one effect that explains most of a large gap, judged by the noise or by more than that.
+
+    Returns the case unchanged where there is none, and the discrepancy that was counted as noise, relative to the
+    output's range.
+    """
+    settings = case.settings.relaxed(float(case.before.largest_of_peak))
+    single = case.with_single_effects(settings)
+    if single.dominated:
+        return single, 0.0
+    ignored = settings.verdict.resolution * case.before.relative
+    noisy, here = with_discrepancy(observed, ignored), single.found.baseline.minimum.point
+    again = _investigate(noisy, here, effects, seed, settings, progress)
+    return (again, ignored) if again.dominated else (case, 0.0)
+
+
+def _why_no_shrinkage(conclusion: Conclusion, found: Attribution) -> str:
+    """Why the shrinkage is not reported; empty if it is."""
     if conclusion.verdict == "none":
         return "there is no gap"
     if conclusion.verdict == "unknown":
         return "none of the known effects explains the gap"
     if len(found.baseline.hypothesis.observed.problem.tests) < 2:
-        return "a single test leaves nothing to hold out"
+        return "there is only one test, so none can be left out"
     return ""
 
 
 def nrmsd(fitted: Fitted) -> dict[str, float]:
-    """NRMSD per test over the judged samples, all outputs together."""
-    model, problem = fitted.hypothesis, fitted.hypothesis.observed.problem
-    stored = model.simulator.sensitivities(model.full(fitted.minimum.point[None]))
+    """NRMSD per test over the samples used, all outputs together."""
+    problem, outputs = fitted.hypothesis.observed.problem, fitted.hypothesis.outputs(fitted.minimum.point[None])
     found = {}
-    for name, drive, (output, _) in zip(problem.tests, problem.drives, stored, strict=True):
-        squares = drive.weights * (drive.measured - output[0]) ** 2
-        found[name] = float(np.sqrt(squares.sum() / np.count_nonzero(drive.weights)))
+    for name, experiment, (output, _) in zip(problem.tests, problem.experiments, outputs, strict=True):
+        squares = experiment.weights * (experiment.measured - output[0]) ** 2
+        found[name] = float(np.sqrt(squares.sum() / np.count_nonzero(experiment.weights)))
     return found
+
+
+def _page(found: Diagnosis) -> str:
+    # figures take long to import, and only notebooks show this page
+    from mofit.diagnosis.pages import diagnosis_page
+
+    return diagnosis_page(found)._repr_html_()

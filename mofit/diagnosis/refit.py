@@ -1,53 +1,46 @@
-"""Explanations fitted in full, from several starts each, and weighed against each other."""
+"""Candidate models: fitted in full, and rated by an information criterion."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaln
 
-from mofit.diagnosis.baseline import Fitted, fit
-from mofit.diagnosis.candidates import moving
-from mofit.diagnosis.cause import recalibrated
+from mofit._typing import FloatArray
+from mofit.diagnosis.candidates import effects_moving
+from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.screen import Screened
-from mofit.diagnosis.steps import bounded
+from mofit.diagnosis.integration import stable
+from mofit.diagnosis.score_test import ScoreTest
+from mofit.diagnosis.settings import FitSettings
 from mofit.errors import InputError
-
-Array = NDArray[np.float64]
-
-#: Grid points of an effect that a refit starts from, each twice; with the typical size no more starts than lanes.
-_POINTS = 3
-#: Starts along an effect that moves a condition of the tests, in standard deviations of its size.
-_ALONG = np.linspace(-3, 3, 13)
-#: Times that the stages are looked at anew, and the change of the log posterior at which that ends.
-_ROUNDS, _STANDS = 10, 0.1
-#: White squares that the first of those may gain, generously.
-_GAIN = 300.0
 
 
 @dataclass(frozen=True)
-class Explanation:
+class CandidateModel:
     r"""A fitted hypothesis with its information criterion.
 
     .. math:: \mathrm{EBIC} = \|r\|^2 + q \log n + 2 \log \binom{c}{k}
 
-    with all white squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a gap,
-    and c candidates: the last term is the price of having chosen (Chen & Chen 2008).
+    with all whitened squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a
+    gap, and c candidates: the last term is the price of the selection.
 
     Attributes
     ----------
-    other_way
-        The same effects, the last one in the calibration tests where here it is not, or the reverse, if that was fitted
-        too; its criterion is no smaller.
+    alternative
+        The same effects, the last one present in the calibration tests where here it is not, or the reverse, if that
+        was fitted too; its criterion is no smaller.
+
+    References
+    ----------
+    Chen, Chen: Extended Bayesian information criteria for large model spaces. Biometrika 95 (2008).
     """
 
     fitted: Fitted
     criterion: float
-    other_way: Explanation | None = None
+    alternative: CandidateModel | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -55,123 +48,149 @@ class Explanation:
         return tuple(sorted(effect.name for effect in self.fitted.hypothesis.effects))
 
 
-def explain(fitted: Fitted, candidates: int) -> Explanation:
-    """Weigh a fitted hypothesis that was chosen among so many candidates."""
+def rated(fitted: Fitted, candidates: int) -> CandidateModel:
+    """A fitted hypothesis with its criterion; it was selected among so many candidates."""
     model = fitted.hypothesis
     chosen = len(model.effects)
-    rows = int(model.observed.repeating.sum())
+    rows = int(model.observed.explainable.sum())
     extra = sum(len(effect.parameters) for effect in model.effects)
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
     value = float(fitted.residual @ fitted.residual)
-    return Explanation(fitted, value + extra * float(np.log(rows)) + 2 * float(choices))
+    return CandidateModel(fitted, value + extra * float(np.log(rows)) + 2 * float(choices))
 
 
-def refit(fitted: Fitted, added: Sequence[Screened], limit: float = np.inf) -> Fitted | None:
-    """The hypothesis with these effects added, fitted from where the screen expects the minimum and from elsewhere.
+def probabilities(models: Sequence[CandidateModel]) -> FloatArray:
+    """Probability of every model among these, from the criterion: exp(-EBIC / 2), normalised."""
+    criteria = np.array([one.criterion for one in models])
+    raw = np.exp(-0.5 * (criteria - criteria.min()))
+    return np.asarray(raw / raw.sum())
 
-    Starts: the fitted parameters, and their expected shift, with the expected size, at every good point of the grids;
-    the fitted parameters with the typical size. None if no start can be simulated, or if what was found runs away when
-    it is integrated more finely.
 
-    Where what is added turns with a condition that a fitted effect moves, there are many minima side by side: then
-    starts along that effect are added.
+def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | None:
+    """The hypothesis with one more effect, fitted from where the score test expects the minimum and from elsewhere.
 
-    What cannot be hoped to come down to ``limit`` white squares is left as it was found first: coarsely integrated, and
-    the stages as they were.
+    Starts: the fitted parameters, and their expected shift, with the expected size, at the best points of the grid;
+    the fitted parameters with the typical size. Where the added effect depends on a condition that a fitted effect
+    moves, there are many minima side by side: then starts along that effect are added.
+
+    Parameters
+    ----------
+    fitted
+        The hypothesis without the effect.
+    added
+        The effect's score test there.
+    limit
+        Sum of squares that the model must come down to; one that cannot is left as it was found first: coarsely
+        integrated, and the stages as they were.
+
+    Returns
+    -------
+    Fitted or None
+        None if no start can be simulated, or if the minimum cannot be integrated more finely.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
-    new = hypothesis(old.observed, (*old.causes, *(found.cause for found in added)))
-    starts = [_start(new, here, {})]
-    starts += [start for rank in range(_POINTS) for start in _expected(new, here, added, rank)]
-    starts += [start for found in added for start in _along(new, fitted, found)]
+    new = hypothesis(old.observed, (*old.discrepancies, added.discrepancy))
+    starts = [_start(new, here, {}), *_expected(new, here, added), *_along(new, fitted, added)]
+    # steps that served the parts; the minimum is integrated more closely
+    steps = max(old.steps, added.candidate.steps) if added.effect.states else old.steps
     try:
-        found = _settled(fit(new.with_steps(_steps(old, added)), np.array(starts)), limit)
+        first = fit(new.with_steps(steps), np.array(starts))
+        found = settled(first, limit, old.observed.settings.fit, with_stages)
     except InputError:
         return None
-    return found.put_away() if _holds(found) else None
+    return found.without_tables() if is_reliable(found) else None
 
 
-def _holds(found: Fitted) -> bool:
-    """Whether the minimum can be simulated with half the step: a softened spring may hold by rounding alone.
+def is_reliable(found: Fitted) -> bool:
+    """Whether the minimum can be simulated with half the step, and its derivatives are those of a stable integration.
 
-    And whether its slopes are those of a stable integration: nothing can be told of its parameters otherwise.
+    A softened spring may be stable by rounding alone; and a divergent derivative says nothing of a parameter.
     """
-    if not bounded(found.jacobian):
+    if not stable(found.jacobian):
         return False
-    model = found.hypothesis
-    finer = model.with_steps(2 * (model.simulator.steps or 1))
+    finer = found.hypothesis.with_steps(2 * found.hypothesis.steps)
     return bool(np.isfinite(finer.evaluate(found.minimum.point[None])[0]).all())
 
 
-def _steps(old: Hypothesis, added: Sequence[Screened]) -> int:
-    """Steps that served the parts of a new hypothesis; the minimum is looked at more closely."""
-    return max([old.simulator.steps or 1, *(found.candidate.steps for found in added if found.effect.states)])
+def settled(found: Fitted, limit: float, settings: FitSettings, again: Callable[[Fitted], Fitted]) -> Fitted:
+    """The model and the stages that its effects are present in, fitted in turn until nothing changes.
 
+    Or until the model would not reach the ``limit`` at the pace of the last round. Where the fits alternate between two
+    minima, the stages were never fitted where the effects ended: the worse of both counts.
 
-def _settled(found: Fitted, limit: float) -> Fitted:
-    """Fitted with the stages looked at where its effects end, until that stands: a large effect bends what it moves.
-
-    Or until it would not reach the limit at the pace of the last round.
-
-    Where it goes to and fro, the stages were never looked at where the effects ended: the worse of both ends counts.
+    Parameters
+    ----------
+    found, limit
+        As in `refit`.
+    settings
+        Of the rounds.
+    again
+        One round: see `with_stages`.
     """
-    before, gain = found, _GAIN
-    for left in reversed(range(_ROUNDS)):
+    before, gain = found, settings.stage_gain
+    for left in reversed(range(settings.stage_rounds)):
         if 2 * found.minimum.value - limit > gain:
             return found
-        best = found.minimum.point[None]
-        before, found = found, fit(_recalibrated(found).at_steps_for(best), best)
+        before, found = found, again(found)
         change = abs(found.minimum.value - before.minimum.value)
         gain = 2 * left * change
-        if change < _STANDS or not any(cause.everywhere for cause in found.hypothesis.causes):
+        present = any(one.present_in_calibration for one in found.hypothesis.discrepancies)
+        if change < settings.stage_tolerance or not present:
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 
 
-def _recalibrated(fitted: Fitted) -> Hypothesis:
-    """The hypothesis with the stages looked at where its effects ended, those that the stages' tests had too."""
-    model = fitted.hypothesis
-    space, calibrations = model.observed.problem.space, model.observed.calibrations
-    causes = [
-        recalibrated(cause, fitted.values, space, calibrations, model.observed.workshop) if cause.everywhere else cause
-        for cause in model.causes
+def with_stages(fitted: Fitted) -> Fitted:
+    """The stages fitted again where the effects ended, those present in the stages' tests; then the model once more."""
+    model, best = fitted.hypothesis, fitted.minimum.point[None]
+    stages = model.observed.stages
+    discrepancies = [
+        stages.recalibrated(one, fitted.values) if one.present_in_calibration else one for one in model.discrepancies
     ]
-    return replace(model, causes=tuple(causes))
+    return fit(replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best), best)
 
 
-def _expected(new: Hypothesis, here: Array, added: Sequence[Screened], rank: int) -> Iterator[Array]:
-    """Where the screen expects the minimum, each effect at the point of its grid with that rank of T."""
-    values: dict[str, float] = {}
-    shift, fresh = np.zeros(len(here)), False
-    for found in added:
-        causes = found.candidate.causes
-        order = [
-            i for i in np.argsort(-found.statistics, kind="stable") if causes[i].everywhere == found.cause.everywhere
-        ]
-        fresh |= rank < len(order)
-        place = order[min(rank, len(order) - 1)]
-        for name, size in zip(found.effect.size, found.sizes[place], strict=True):
-            values[name] = found.effect.neutral[name] + float(size)
-        values |= causes[place].point
-        shift -= found.shifts[place]
-    if fresh:
+def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest) -> Iterator[FloatArray]:
+    """Where the score test expects the minimum at the best grid points, without and with the parameters' shift."""
+    points = added.candidate.discrepancies
+    order = [
+        i
+        for i in np.argsort(-added.statistics, kind="stable")
+        if points[i].present_in_calibration == added.discrepancy.present_in_calibration
+    ]
+    for place in order[: new.observed.settings.fit.grid_starts]:
+        sizes = zip(added.effect.size, added.sizes[place], strict=True)
+        values = {name: added.effect.neutral[name] + float(size) for name, size in sizes} | dict(points[place].point)
         yield _start(new, here, values)
-        yield _start(new, np.clip(here + shift, 0.0, 1.0), values)
+        yield _start(new, np.clip(here - added.biases[place], 0.0, 1.0), values)
 
 
-def _along(new: Hypothesis, fitted: Fitted, added: Screened) -> Iterator[Array]:
+def _along(new: Hypothesis, fitted: Fitted, added: ScoreTest) -> Iterator[FloatArray]:
     """The fitted parameters, one that moves a condition which the added effect needs varied, without the added one."""
+    settings = new.observed.settings.fit
     here, sd = _start(new, fitted.minimum.point, added.effect.neutral), fitted.sd()
-    for name in [name for effect in moving(fitted, added.effect.needs) for name in effect.size]:
+    for name in [name for effect in effects_moving(fitted, added.effect.needs) for name in effect.size]:
         column = new.space.index(name)
-        for step in _ALONG:
+        for step in np.linspace(-settings.condition_reach, settings.condition_reach, settings.condition_starts):
             start = here.copy()
             start[column] = np.clip(start[column] + step * sd[column], 0.0, 1.0)
             yield start
 
 
-def _start(new: Hypothesis, base: Array, values: Mapping[str, float]) -> Array:
+def _start(new: Hypothesis, base: FloatArray, values: Mapping[str, float]) -> FloatArray:
     """A point of the new space: the old parameters, and values of the new ones, typical if not given, in bounds."""
     fresh = new.space.parameters[len(base) :]
     given = [float(np.clip(values.get(p.name, p.nominal), p.lower, p.upper)) for p in fresh]
     return np.concatenate([base, new.space.subset([p.name for p in fresh]).to_unit(given)])
+
+
+def share_left(best: Fitted, baseline: Fitted) -> float:
+    """Share of the gap's mean square, beyond the noise, that the best model leaves."""
+
+    def gap(fitted: Fitted) -> float:
+        observed = fitted.hypothesis.observed
+        squares = (fitted.residual[: len(observed.measured)] ** 2 - observed.noise_share) * observed.variance
+        return float(squares[observed.explainable].sum())
+
+    left, whole = gap(best), gap(baseline)
+    return float(np.clip(left / whole, 0.0, 1.0)) if whole > 0 else 0.0

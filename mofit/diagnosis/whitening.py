@@ -1,4 +1,4 @@
-"""Records made white: the noise of a test, and its signals as independent rows of unit variance."""
+"""Whitening of one record: its signals as independent rows with noise of unit variance."""
 
 from __future__ import annotations
 
@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from mofit.signals import NoiseProcess, Record, noise_process, periodic_fit
-
-Array = NDArray[np.float64]
-
-#: Periods from which on what repeats can be told from what does not.
-FEWEST_PERIODS = 1.99
+from mofit._typing import FloatArray
+from mofit.data.signals import NoiseProcess, SignalAnalysis, noise_process, periodic_fit
 
 
 @dataclass(frozen=True)
@@ -46,9 +42,9 @@ class Whitening:
     process: NoiseProcess
 
     def with_discrepancy(self, mean_square: float, lines: NDArray[np.bool_], more: NDArray[np.bool_]) -> Whitening:
-        """The same with an unknown signal counted as noise: of this mean square, spread evenly over ``lines``.
+        """The same with an unknown signal of this mean square counted as noise, its power equal on all ``lines``.
 
-        Each line of ``more`` has as much as one of those.
+        Each line of ``more`` gets as much power as one of those.
         """
         level = self.count * mean_square / max(int(np.sum(lines[self.line_of_row])), 1)
         extra = np.where(lines | more, level, 0.0)
@@ -60,7 +56,7 @@ class Whitening:
         return self.process.count
 
     @property
-    def frequencies(self) -> Array:
+    def frequencies(self) -> FloatArray:
         """Of the lines, Hz, shape (n // 2 + 1,)."""
         return np.arange(self.count // 2 + 1) / (self.count * self.step)
 
@@ -71,7 +67,7 @@ class Whitening:
         return np.asarray(number % self.periods == 0) if self.periods else np.zeros(len(number), dtype=bool)
 
     @cached_property
-    def _scale(self) -> Array:
+    def _scale(self) -> FloatArray:
         weight = np.full(self.count // 2 + 1, 2.0)
         weight[0] = 1.0
         if self.count % 2 == 0:
@@ -92,25 +88,25 @@ class Whitening:
         """Line of every row, shape (rows,)."""
         return self._rows % (self.count // 2 + 1)
 
-    def used(self, columns: Array) -> Array:
+    def used(self, columns: FloatArray) -> FloatArray:
         """The used samples of signals (..., samples, k)."""
         return np.asarray(columns[..., self.start : self.start + self.count, :])
 
-    def rows(self, columns: Array) -> Array:
+    def rows(self, columns: FloatArray) -> FloatArray:
         """Signals (..., samples, k) of the whole record as white rows (..., rows, k)."""
         scaled = np.moveaxis(self.used(columns), -2, -1) / self.process.level
         lines = fft.rfft(scaled, axis=-1) * self._scale
         return np.moveaxis(np.concatenate([lines.real, lines.imag], axis=-1)[..., self._rows], -1, -2)
 
-    def white_lines(self, rows: Array) -> NDArray[np.complex128]:
+    def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
         """Rows of one signal (rows,) as complex lines (n // 2 + 1,)."""
         lines = self.count // 2 + 1
         parts = np.zeros(2 * lines)
         parts[self._rows] = rows
         return np.asarray(parts[:lines] + 1j * parts[lines:])
 
-    def noise_rows(self, columns: Array) -> Array:
-        """Rows of what does not repeat in signals (samples, k), leakage of a period between samples included."""
+    def noise_rows(self, columns: FloatArray) -> FloatArray:
+        """Rows of the aperiodic part of signals (samples, k), whatever number of samples a period has."""
         noise = np.array(columns)
         time = self.step * np.arange(self.count, dtype=np.float64)
         for k in range(noise.shape[1] if self.periods else 0):
@@ -118,43 +114,51 @@ class Whitening:
             used -= periodic_fit(time, used, self.period)[0]
         return self.rows(noise)
 
-    def signal(self, rows: Array) -> Array:
+    def signal(self, rows: FloatArray) -> FloatArray:
         """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
         return np.asarray(fft.irfft(self.white_lines(rows) / self._scale, self.count) * self.process.level)
 
 
-def whitening(measured: Array, used: NDArray[np.bool_], step: float, record: Record, noise_sd: float) -> Whitening:
-    """Of one output of one test, from the data alone, so that all models are judged alike.
+def whitening(
+    measured: FloatArray,
+    used: NDArray[np.bool_],
+    step: float,
+    analysis: SignalAnalysis,
+    noise_sd: float,
+    fewest_periods: float,
+) -> Whitening:
+    """Of one output of one test, from the data alone, so that all models are compared with the same noise.
 
-    A test of at least two periods is cut to whole ones, and its noise is what does not repeat; lines that stand out of
-    it do not count. Of another test the noise is taken as white, at the level found by smoothing.
+    A test of at least two periods is cut to whole ones, and its noise is what does not repeat; lines that exceed it do
+    not count. The noise of another test is taken as white, at the level found by smoothing.
 
     Parameters
     ----------
     measured
         Output, shape (samples,).
     used
-        Which samples are judged: a contiguous part.
+        Which samples are used: a contiguous part.
     step
         Sampling interval, s.
-    record
-        What the test's data say.
+    analysis
+        Period of the test.
     noise_sd
         Of the output, in its unit, for a test that does not repeat.
+    fewest_periods
+        Periods from which on the noise is estimated from what does not repeat.
     """
     place = np.flatnonzero(used)
     start, count = int(place[0]), len(place)
-    periods = count * step / record.period if record.period else 0.0
-    if record.period is None or periods < FEWEST_PERIODS:
+    periods = count * step / analysis.period if analysis.period else 0.0
+    if analysis.period is None or periods < fewest_periods:
         spectrum = np.full(count // 2 + 1, max(noise_sd, np.finfo(float).tiny ** 0.25) ** 2)
-        process = NoiseProcess(
-            np.ones(count), spectrum, np.full(len(spectrum), float(count) / 2), np.empty(0, dtype=np.int64), np.empty(0)
-        )
+        freedom = np.full(len(spectrum), float(count) / 2)
+        process = NoiseProcess(np.ones(count), spectrum, freedom, np.empty(0, dtype=np.int64), np.empty(0))
         return Whitening(start, step, 0, float("nan"), process)
     # half a sample of tolerance is for records cut to whole periods
-    whole = int(periods + 0.5 * step / record.period)
-    count = min(round(whole * record.period / step), count)
+    whole = int(periods + 0.5 * step / analysis.period)
+    count = min(round(whole * analysis.period / step), count)
     values, time = measured[start : start + count], np.asarray(step * np.arange(count), dtype=np.float64)
-    waveform, _ = periodic_fit(time, values, record.period)
-    process = noise_process(values, waveform, time, record.period, without_lines=True)
-    return Whitening(start, step, whole, record.period, process)
+    waveform, _ = periodic_fit(time, values, analysis.period)
+    process = noise_process(values, waveform, time, analysis.period, without_lines=True)
+    return Whitening(start, step, whole, analysis.period, process)

@@ -5,19 +5,23 @@ from mofit.report.build import (
     REPORT_FILE,
     UNCERTAINTY_FILE,
     UNCERTAINTY_FOLDER,
+    Page,
     build_report,
     build_uncertainty,
+    report_beside,
+    report_page,
     write_report,
 )
-from mofit.report.uncertainty.spread import spread_table
 
 __all__ = [
     "DATA_FOLDER",
     "REPORT_FILE",
     "UNCERTAINTY_FILE",
     "UNCERTAINTY_FOLDER",
+    "Page",
     "build_report",
     "build_uncertainty",
-    "spread_table",
+    "report_beside",
+    "report_page",
     "write_report",
 ]

@@ -1,72 +1,40 @@
-"""From a run folder to its report: one page, and the numbers behind it as JSON."""
+"""From a run folder or a result to its pages, each one file with the numbers behind it as JSON."""
 
 from __future__ import annotations
 
-import dataclasses
-import json
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-import matplotlib as mpl
-import numpy as np
 import xarray as xr
 
-from mofit.report.calibration import calibration_section
-from mofit.report.convergence import convergence_section
-from mofit.report.drawing import Maker, draw_sections
-from mofit.report.error_per_test import error_section
-from mofit.report.making import making_section
-from mofit.report.method import method_section
-from mofit.report.overlay import overlay_section
-from mofit.report.page import Section, render
-from mofit.report.parameter_table import parameter_section
-from mofit.report.per_frequency import per_frequency_section
-from mofit.report.posterior import posterior_section
-from mofit.report.run import Run
-from mofit.report.search_map import search_section
-from mofit.report.style import RC
-from mofit.report.summary import summary_section
-from mofit.report.uncertainty import UNCERTAINTY_SECTIONS
-from mofit.result import atomic_path, open_result
+from mofit.errors import InputError
+from mofit.results import open_result
+from mofit.runtime.parallel import ready_beside
+
+if TYPE_CHECKING:
+    from mofit.report.toolkit.blocks import Section
 
 REPORT_FILE = "report.html"
 DATA_FOLDER = "report_data"
 UNCERTAINTY_FILE = "uncertainty.html"
 UNCERTAINTY_FOLDER = "uncertainty_data"
+_PAGES = {
+    "report": (REPORT_FILE, DATA_FOLDER, ""),
+    "uncertainty": (UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, "Uncertainty: "),
+}
+"""File, folder of the numbers behind it, and what its title begins with."""
 
+#: Figures are drawn in Python, a core at a time; a second process halves the wait, more would mostly start up.
+_PROCESSES = 2
+#: Height of a page's frame in a notebook [CSS pixels]; the page scrolls inside it.
+_HEIGHT = 720
 
-@dataclasses.dataclass(frozen=True)
-class _Page:
-    """A file, the folder of the numbers behind it, what its title begins with, and its sections in order."""
-
-    file: str
-    data: str
-    lead: str
-    makers: Sequence[Maker]
-
-
-_SECTIONS = (
-    summary_section,
-    parameter_section,
-    error_section,
-    overlay_section,
-    search_section,
-    per_frequency_section,
-    posterior_section,
-    calibration_section,
-    convergence_section,
-    making_section,
-    method_section,
-)
-"""In the order of the page; a section that finds nothing to show returns None."""
-
-_LONGEST = (posterior_section, overlay_section)
-"""More than half of the work."""
-
-_REPORT = _Page(REPORT_FILE, DATA_FOLDER, "", _SECTIONS)
-_UNCERTAINTY = _Page(UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, "Uncertainty: ", UNCERTAINTY_SECTIONS)
+#: ``with drawn(tree, folder): ...``: in the block the report is being drawn, after it it is there.
+Drawn = Callable[[xr.DataTree, Path], AbstractContextManager[None]]
 
 
 def build_report(folder: Path | str) -> Path:
@@ -90,17 +58,9 @@ def build_report(folder: Path | str) -> Path:
     return write_report(open_result(folder), _folder(folder))
 
 
-def write_report(tree: xr.DataTree, folder: Path | str, processes: int | None = None) -> Path:
-    """The same from a ``mofit.result/1`` tree that is in memory already, into an existing folder.
-
-    Parameters
-    ----------
-    tree, folder
-        The result and the folder.
-    processes
-        How many draw; see `draw_sections`.
-    """
-    return _write(_REPORT, tree, Path(folder), processes)
+def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
+    """The same from a ``mofit.result/2`` tree that is in memory already, into an existing folder."""
+    return _write("report", tree, Path(folder))
 
 
 def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Path:
@@ -113,7 +73,68 @@ def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Pa
     tree
         Its result, if it is in memory already.
     """
-    return _write(_UNCERTAINTY, open_result(folder) if tree is None else tree, _folder(folder))
+    return _write("uncertainty", open_result(folder) if tree is None else tree, _folder(folder))
+
+
+@contextmanager
+def report_beside() -> Iterator[Drawn]:
+    """A process that gets ready to draw while the caller computes, and draws the report while the caller goes on."""
+    with ready_beside(_get_ready) as start:
+
+        @contextmanager
+        def drawn(tree: xr.DataTree, folder: Path) -> Iterator[None]:
+            finished = start(write_report, tree, folder)
+            try:
+                yield
+            finally:  # also after an error: nothing else may write into the folder then
+                finished()
+
+        yield drawn
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of HTML that stands alone; the last line of a notebook's cell shows it.
+
+    It stands in a frame of its own, so that neither's style reaches the other.
+    """
+
+    html: str
+
+    def _repr_html_(self) -> str:
+        # links within the page would otherwise lead to the notebook's address
+        inside = self.html.replace("<head>", '<head><base href="about:srcdoc">', 1)
+        return (
+            f'<iframe srcdoc="{escape(inside)}" sandbox="allow-scripts" loading="lazy" '
+            f'style="width: 100%; height: {_HEIGHT}px; border: 0" title="mofit"></iframe>'
+        )
+
+
+def report_page(run: xr.DataTree | Path | str, kind: str = "report") -> Page:
+    """The report of a run, to be seen in a notebook.
+
+    Parameters
+    ----------
+    run
+        A run's folder or its ``result.nc``, or the result itself from `mofit.open`.
+    kind
+        ``"report"`` or ``"uncertainty"``.
+
+    Returns
+    -------
+    Page
+        Shows itself in a notebook; its ``html`` is the page. Nothing is written.
+
+    Raises
+    ------
+    InputError
+        If there is no such run or no page of that kind.
+    """
+    from mofit.report.toolkit.page import render
+
+    if kind not in _PAGES:
+        raise InputError.of(f"page '{kind}'", "there is no such page", f"Use one of {', '.join(_PAGES)}")
+    return Page(render(*_drawn(kind, run if isinstance(run, xr.DataTree) else open_result(run))))
 
 
 def _folder(source: Path | str) -> Path:
@@ -122,49 +143,34 @@ def _folder(source: Path | str) -> Path:
     return path.parent if path.is_file() else path
 
 
-def _write(page: _Page, tree: xr.DataTree, folder: Path, processes: int | None = None) -> Path:
-    run = Run(tree)
-    with mpl.rc_context(RC):
-        sections = draw_sections(run, page.makers, processes, _LONGEST)
-    _write_data(sections, folder / page.data)
-    file = folder / page.file
-    with atomic_path(file) as temporary:
-        text = render(page.lead + str(run.tree.attrs["title"]), _subtitle(run), sections)
-        temporary.write_text(text, encoding="utf-8")
-    return file
+def _write(kind: str, tree: xr.DataTree, folder: Path) -> Path:
+    from mofit.report.toolkit.page import write_data, write_page
+
+    file, data, _ = _PAGES[kind]
+    title, subtitle, sections = _drawn(kind, tree)
+    write_data(folder / data, sections)
+    return write_page(folder / file, title, subtitle, sections)
 
 
-def _subtitle(run: Run) -> str:
-    attrs = run.tree.attrs
+def _drawn(kind: str, tree: xr.DataTree) -> tuple[str, str, list[Section]]:
+    """Title, subtitle and sections of a page."""
+    from mofit.report.contents import CONTENTS, LONGEST
+    from mofit.report.run import Run
+    from mofit.report.toolkit.page import draw_sections
+
+    attrs = tree.attrs
     campaign, source = str(attrs["campaign_title"]), f"({attrs['campaign_source']})"
-    told = campaign if source in campaign else f"{campaign} {source}"
-    return f"{attrs['model_title']} · {told} · {attrs['created']}"
+    named = campaign if source in campaign else f"{campaign} {source}"
+    return (
+        _PAGES[kind][2] + str(attrs["title"]),
+        f"{attrs['model_title']} · {named} · {attrs['created']}",
+        draw_sections(CONTENTS[kind], Run(tree), processes=_PROCESSES, first=LONGEST),
+    )
 
 
-def _write_data(sections: Sequence[Section], folder: Path) -> None:
-    folder.mkdir(exist_ok=True)
-    names = {f"{section.id}.json" for section in sections if section.data}
-    for section in sections:
-        if section.data:
-            with atomic_path(folder / f"{section.id}.json") as temporary:
-                temporary.write_text(json.dumps(plain(section.data), allow_nan=False), encoding="utf-8")
-    for old in folder.glob("*.json"):
-        if old.name not in names:
-            old.unlink()
+def _get_ready() -> None:
+    """Import what draws, and draw once what is slow the first time."""
+    import mofit.report.contents  # noqa: F401 - imported for later
+    from mofit.report.toolkit.figures import warm_up
 
-
-def plain(value: Any) -> Any:
-    """Dataclasses and arrays as JSON values; what is not a finite number becomes null."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(name): plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isfinite(value).all():
-        return value.tolist()
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    warm_up()

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure as Canvas
 
-from mofit.report.display import math_symbol, number
-from mofit.report.page import Block, Figure, Section, tabs
-from mofit.report.run import Array, Cluster, Run, tab_title
-from mofit.report.style import WIDTH, cluster_colour, image_of
+from mofit._typing import FloatArray
+from mofit.report.run import Mode, Run
+from mofit.report.toolkit.blocks import Figure, Section, tabs
+from mofit.report.toolkit.figures import MEASURED, SOFT, WIDTH, Panels
+from mofit.report.toolkit.formatting import Unit, math_symbol, number
 
 _BINS = 64
 _LEVELS = (0.95, 0.68, 0.39)
@@ -27,35 +27,33 @@ _LONGEST = 10
 
 @dataclass(frozen=True)
 class Corner:
-    """Draws of one cluster in the unit box, with each axis cut to the central 99 % of the draws."""
+    """Draws of one mode in the unit box, with each axis cut to the central 99 % of the draws."""
 
     parameters: list[str]
     units: list[str]
-    place: Array
-    low: Array
-    high: Array
-    quantiles: Array
-    correlation: Array
-    minimum: Array
+    place: FloatArray
+    low: FloatArray
+    high: FloatArray
+    quantiles: FloatArray
+    correlation: FloatArray
+    estimate: FloatArray
 
 
-def extract_corner(run: Run, cluster: Cluster) -> Corner:
-    """Posterior draws of a cluster, ready to draw; quantiles (5, 50, 95 %) are in SI units."""
-    assert cluster.draws is not None
-    flat = cluster.draws.reshape(-1, cluster.draws.shape[-1])
-    place = run.to_unit(flat, cluster.parameters)
+def extract_corner(run: Run, mode: Mode) -> Corner:
+    """Posterior draws of a mode, ready to draw; quantiles (5, 50, 95 %) are in SI units."""
+    space, flat = run.space(mode.parameters), mode.flat_draws
+    place = space.to_unit(flat)
     low, high = np.quantile(place, [0.005, 0.995], axis=0)
     pad = np.maximum(0.06 * (high - low), 1e-9)
-    matrix = np.atleast_2d(np.corrcoef(place.T)) if place.shape[1] > 1 else np.ones((1, 1))
     return Corner(
-        parameters=cluster.parameters,
-        units=[run.unit(name) for name in cluster.parameters],
+        parameters=mode.parameters,
+        units=list(space.units),
         place=place,
         low=low - pad,
         high=high + pad,
         quantiles=np.quantile(flat, [0.05, 0.5, 0.95], axis=0),
-        correlation=matrix,
-        minimum=run.to_unit(cluster.array("value"), cluster.parameters),
+        correlation=np.corrcoef(place.T).reshape(len(space), -1),
+        estimate=space.to_unit(mode.array("value")),
     )
 
 
@@ -63,7 +61,7 @@ def draw_corner(corner: Corner, colour: str, axes: Axes) -> Axes:
     """Draw all cells into one axes, a unit square per cell, the first parameter at the top left."""
     d = len(corner.parameters)
     inside = (corner.place - corner.low) / (corner.high - corner.low)
-    mark = (corner.minimum - corner.low) / (corner.high - corner.low)
+    mark = (corner.estimate - corner.low) / (corner.high - corner.low)
     ticks = [(np.quantile(inside[:, k], 0.05), np.quantile(inside[:, k], 0.95)) for k in range(d)]
     axes.imshow(_shading(inside, colour), extent=(0, d, 0, d), interpolation="bilinear", aspect="auto", zorder=1)
     for row in range(d):
@@ -71,7 +69,7 @@ def draw_corner(corner: Corner, colour: str, axes: Axes) -> Axes:
             _frame(axes, column, d - 1 - row)
             if column < row and 0 <= mark[column] <= 1 and 0 <= mark[row] <= 1:
                 x, y = column + _scale(mark[column]), d - 1 - row + _scale(mark[row])
-                axes.plot(x, y, marker="+", color="#1d2329", ms=7, mew=1.2, zorder=4)
+                axes.plot(x, y, marker="+", color=MEASURED, ms=7, mew=1.2, zorder=4)
         _marginal(axes, inside[:, row], row, d - 1 - row, colour)
         for column in range(row):
             _coefficient(axes, corner.correlation[row, column], row, d - 1 - column, d)
@@ -86,7 +84,7 @@ def _scale(x: float) -> float:
     return _GAP + (1 - 2 * _GAP) * x
 
 
-def _shading(inside: Array, colour: str) -> Array:
+def _shading(inside: FloatArray, colour: str) -> FloatArray:
     """One image of all densities below the diagonal: darker inside the region that holds fewer of the draws."""
     d = inside.shape[1]
     cell = _BINS
@@ -110,7 +108,7 @@ def _shading(inside: Array, colour: str) -> Array:
     return image
 
 
-def _kernel(width: float) -> Array:
+def _kernel(width: float) -> FloatArray:
     """Matrix that smooths a histogram of `_BINS` bins with a Gaussian of this width in bins, keeping its sum."""
     distance = np.subtract.outer(np.arange(_BINS), np.arange(_BINS))
     weights = np.exp(-0.5 * (distance / width) ** 2)
@@ -123,7 +121,7 @@ def _frame(axes: Axes, x: int, y: int) -> None:
     axes.plot(corners_x, [y + low, y + low, y + high, y + high, y + low], color="#c8d0d8", lw=0.7, zorder=2)
 
 
-def _marginal(axes: Axes, values: Array, x: int, y: int, colour: str) -> None:
+def _marginal(axes: Axes, values: FloatArray, x: int, y: int, colour: str) -> None:
     heights, edges = np.histogram(values, bins=_BINS, range=(0, 1))
     smooth = _kernel(1.2) @ heights
     middle = x + _scale(0.5 * (edges[1:] + edges[:-1]))
@@ -146,22 +144,22 @@ def _labels(axes: Axes, corner: Corner, k: int, ticks: tuple[float, float], d: i
     name, unit = math_symbol(corner.parameters[k]), corner.units[k]
     texts, beyond_median = tick_texts(*corner.quantiles[:, k])
     quantity = f"{name} − median" if beyond_median else name
-    label = quantity if unit == "1" else f"{quantity} ({unit})"
+    label = Unit(unit).label(quantity)
     small = 7.0 if d > 6 else 8.0
     row = d - 1 - k
     for place, text in zip(ticks, texts, strict=True):
-        axes.plot([k + _scale(place)] * 2, [-0.03, 0.03], color="#57606a", lw=0.8, clip_on=False)
+        axes.plot([k + _scale(place)] * 2, [-0.03, 0.03], color=SOFT, lw=0.8, clip_on=False)
         axes.text(
             k + _scale(place), -0.06, text, rotation=40, ha="right", va="top", rotation_mode="anchor", fontsize=small
         )
         if k:
-            axes.plot([-0.03, 0.03], [row + _scale(place)] * 2, color="#57606a", lw=0.8, clip_on=False)
+            axes.plot([-0.03, 0.03], [row + _scale(place)] * 2, color=SOFT, lw=0.8, clip_on=False)
             axes.text(-0.06, row + _scale(place), text, ha="right", va="center", fontsize=small)
     axes.text(k + 0.5, d - k + 0.02, label, ha="center", va="bottom", fontsize=small + 1.5, fontweight="bold")
 
 
 def tick_texts(low: float, median: float, high: float) -> tuple[tuple[str, str], bool]:
-    """Texts of the 5 and 95 % quantiles, with the digits that tell them apart: two of their distance, at least three.
+    """Texts of the 5 and 95 % quantiles, with the digits that distinguish them: two of their distance, at least three.
 
     Where that makes them too long to stand beside a row, they are distances from the median: the second value.
     """
@@ -175,32 +173,23 @@ def tick_texts(low: float, median: float, high: float) -> tuple[tuple[str, str],
     return texts, False
 
 
-def corner_figure(corner: Corner, cluster: Cluster) -> Figure:
+def corner_figure(run: Run, mode: Mode) -> Figure:
     """The corner plot with its caption; a cell is as large as the number of parameters allows."""
-    d = len(corner.parameters)
-    left, bottom, top, right = 0.75, 0.7, 0.35, 0.1
-    cell = min((WIDTH - left - right) / d, 2.3)
-    canvas = Canvas(figsize=(WIDTH, bottom + top + d * cell))
-    height = canvas.get_figheight()
-    axes = canvas.add_axes((left / WIDTH, bottom / height, d * cell / WIDTH, d * cell / height))
-    draw_corner(corner, cluster_colour(cluster.index), axes)
-    return Figure(
-        image_of(canvas),
-        f"Corner plot of the posterior of solution {cluster.name}",
-        "Joint posterior of each pair of parameters: the shades hold 39, 68 and 95 % of the draws, the cross is "
-        "the refined "
-        "minimum, ticks are the 5 and 95 % quantiles (less the median where the name says so), numbers are "
-        "correlations. Each axis is cut to the central 99 % of the draws.",
+    d, left = len(mode.parameters), 0.75
+    cell = min((WIDTH - left - 0.1) / d, 2.3)
+    panels = Panels(1, 1, d * cell, margin=(left, 0.7, WIDTH - left - d * cell))
+    draw_corner(extract_corner(run, mode), mode.colour, panels.axes[0])
+    return panels.figure(
+        f"Corner plot of the posterior of mode {mode.name}",
+        "Joint posterior of each pair of parameters. The shades hold 39, 68 and 95 % of the draws; the cross is the "
+        "MAP estimate; ticks are the 5 and 95 % quantiles (less the median where the name says so); numbers are "
+        "correlations. Each axis shows the central 99 % of the draws.",
         good="round, compact shapes with the cross in the darkest part.",
-        bad="long thin ridges (parameters that can't be told apart), bananas, or shapes cut off by a bound.",
+        bad="long thin ridges (correlated parameters), curved shapes, or shapes truncated by a bound.",
     )
 
 
 def corner_section(run: Run) -> Section | None:
-    """A corner plot per solution, where there is more than one parameter."""
-    panes: dict[str, list[Block]] = {
-        tab_title(cluster): [corner_figure(extract_corner(run, cluster), cluster)]
-        for cluster in run.shown
-        if cluster.draws is not None and len(cluster.parameters) > 1
-    }
+    """A corner plot per mode, where there is more than one parameter."""
+    panes = {mode.title: [corner_figure(run, mode)] for mode in run.sampled if len(mode.parameters) > 1}
     return Section("corner", "Joint posterior of each pair", tabs(panes)) if panes else None

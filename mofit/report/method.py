@@ -1,59 +1,88 @@
-"""The method in a few words, with its sources."""
+"""The method sections of both pages, with their sources."""
 
 from __future__ import annotations
 
-from markupsafe import Markup
-
-from mofit.report.page import Raw, Section, Text
+from mofit.report.convergence import ESS_LIMIT, LENGTH_LIMIT, R_HAT_LIMIT
+from mofit.report.directions import FLAT, STRONG
 from mofit.report.run import Run
+from mofit.report.toolkit.blocks import Section, method_section
+from mofit.report.toolkit.formatting import count, whole_percent
 
-_STEPS = (
-    Markup(
-        "<b>Error measure.</b> Every test is one objective: NRMSD = √(mean of (measured − simulated)²) / (max − "
-        "min of the measured "
-        "output), eq. (10) of [1]. Samples before the steady oscillation are dropped."
-    ),
-    Markup(
-        "<b>Noise floor.</b> The noise is estimated from the differences between repeated periods (or by local "
-        "smoothing where "
-        "a test does not repeat); the noise floor is the NRMSD of that noise alone."
-    ),
-    Markup(
-        "<b>Search.</b> The search covers the whole box of parameters and keeps every good region, after the "
-        "enhanced firefly "
-        "algorithm of [1]: moves within clusters, and an archive of the best point of each."
-    ),
-    Markup(
-        "<b>Refinement.</b> Each cluster's best is refined with exact derivatives of the simulation (CasADi [4]) "
-        "inside the bounds."
-    ),
-    Markup(
-        "<b>Uncertainty.</b> Around each minimum the posterior is sampled by several independent ensembles of "
-        "walkers with the "
-        "affine-invariant sampler emcee [2], until they are many autocorrelation times long. R-hat is "
-        "rank-normalised and "
-        "split, effective sample sizes are bulk values, after [3]. Weights of the solutions come from their "
-        "evidences."
-    ),
+_EMCEE = (
+    "Foreman-Mackey D, Hogg DW, Lang D, Goodman J. emcee: The MCMC Hammer. Publications of the Astronomical Society of "
+    "the Pacific 125, 306–312, 2013."
 )
-
-_REFERENCES = (
-    "Hackl A, Hirschberg W, Lex C, Magele C. Parametrisation of a Maxwell model for transient tyre forces by means "
-    "of an "
-    "extended firefly algorithm. 2016.",
-    "Foreman-Mackey D, Hogg DW, Lang D, Goodman J. emcee: The MCMC Hammer. Publications of the Astronomical "
-    "Society of the Pacific "
-    "125, 306–312, 2013.",
+_R_HAT = (
     "Vehtari A, Gelman A, Simpson D, Carpenter B, Bürkner PC. Rank-normalization, folding, and localization: an "
-    "improved R-hat for "
-    "assessing convergence of MCMC. Bayesian Analysis 16(2), 667–718, 2021.",
-    "Andersson JAE, Gillis J, Horn G, Rawlings JB, Diehl M. CasADi: a software framework for nonlinear "
-    "optimization and optimal "
-    "control. Mathematical Programming Computation 11(1), 1–36, 2019.",
+    "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16(2), 667–718, 2021."
 )
 
 
-def method_section(run: Run) -> Section:
-    """Steps and references."""
-    items = Markup("").join(Markup("<li>{}</li>").format(text) for text in _REFERENCES)
-    return Section("method", "Method", [*(Text(step) for step in _STEPS), Raw(Markup("<ol>{}</ol>").format(items))])
+def run_method_section(run: Run) -> Section:
+    """Of the report."""
+    return method_section(
+        {
+            "Error measure": "Every test is one objective: NRMSD = √(mean of (measured − simulated)²) / (max − min of "
+            "the measured output), eq. (10) of [1]. Samples before the steady oscillation are left out.",
+            "Noise floor": "The noise is estimated from the differences between repeated periods, or by local "
+            "smoothing where a test does not repeat. The noise floor is the NRMSD of that noise alone.",
+            "Search": "The search covers the whole prior box and keeps every good region. By default it starts local "
+            "optimisations from many points (multi-level single linkage); the enhanced firefly algorithm of [1] moves "
+            "a population within clusters and archives the best point of each.",
+            "Refinement": "Each archived minimum is refined with exact derivatives of the simulation (CasADi [4]) "
+            "inside the bounds. The result is a MAP estimate; distinct ones are the posterior modes.",
+            "Uncertainty": "Around each mode several independent ensembles of walkers sample the posterior with the "
+            f"affine-invariant sampler emcee [2], until they are {count(LENGTH_LIMIT)} autocorrelation times long, "
+            f"with {count(ESS_LIMIT)} effective samples and R-hat below {R_HAT_LIMIT}. R-hat is rank-normalised and "
+            "split, effective sample sizes are bulk values, after [3]."
+            " The probability of a mode follows from its evidence.",
+        },
+        (
+            "Hackl A, Hirschberg W, Lex C, Magele C. Parametrisation of a Maxwell model for transient tyre forces by "
+            "means of an extended firefly algorithm. 2016.",
+            _EMCEE,
+            _R_HAT,
+            "Andersson JAE, Gillis J, Horn G, Rawlings JB, Diehl M. CasADi: a software framework for nonlinear "
+            "optimization and optimal control. Mathematical Programming Computation 11(1), 1–36, 2019.",
+        ),
+    )
+
+
+def uncertainty_method_section(run: Run) -> Section:
+    """Of the uncertainty page."""
+    return method_section(
+        {
+            "Draws": "The posterior is the likelihood of the residuals times the prior: uniform within the bounds in "
+            "the scale of the search, and Gaussian for what calibration stages estimated. Independent ensembles of "
+            "walkers [1] sample it around each mode. Means, standard deviations and intervals are those of the draws; "
+            "a 90 % interval runs from their 5 % to their 95 % quantile.",
+            "Contraction and verdict": "Contraction is 1 − posterior sd / prior sd, both in the prior box. A verdict "
+            "is “identified” above 50 %, “not identifiable” below 10 %, and “limit only” where a bound truncates the "
+            "posterior.",
+            "Profile likelihood": "One parameter is fixed at a grid of values within three standard deviations, and "
+            "all others are optimised again with exact gradients [2]. The 90 % interval ends where the negative log "
+            "posterior has risen by 1.35, half the quantile of χ² with one degree of freedom.",
+            "Directions": "Eigenvectors of the covariance of the draws in the prior box. The data do not identify a "
+            f"direction that keeps more than {whole_percent(FLAT)} of the prior's standard deviation. Pairs correlated "
+            f"by more than {STRONG} are listed.",
+            "Predictive bands": "The model is simulated at some of the draws. A band for a new measurement adds the "
+            "noise of the test to their standard deviation. Amplitude and phase of the fundamental are least-squares "
+            "fits over whole periods; their uncertainty follows from the scatter from period to period.",
+            "Homogeneity": "Estimates of single tests, with the standard deviation from the curvature at their "
+            "minimum, are pooled by inverse variance. Cochran's Q [3] is compared with χ²; I² [4] is the share of the "
+            "scatter that the standard deviations do not explain. Estimates at a bound, or about as wide as the prior "
+            "box, are left out: their distribution is not Gaussian.",
+            "Convergence": "R-hat is rank-normalised and split, effective sample sizes are bulk values [5]; "
+            "autocorrelation times are the integrated ones of the ensembles [1].",
+        },
+        (
+            _EMCEE,
+            "Raue A, Kreutz C, Maiwald T, Bachmann J, Schilling M, Klingmüller U, Timmer J. Structural and practical "
+            "identifiability analysis of partially observed dynamical models by exploiting the profile likelihood. "
+            "Bioinformatics 25(15), 1923–1929, 2009.",
+            "Cochran WG. The combination of estimates from different experiments. Biometrics 10(1), 101–129, 1954.",
+            "Higgins JPT, Thompson SG. Quantifying heterogeneity in a meta-analysis. Statistics in Medicine 21(11), "
+            "1539–1558, 2002.",
+            _R_HAT,
+        ),
+    )

@@ -1,4 +1,4 @@
-"""What every section needs to know of a run: its tests, parameters and clusters as plain arrays."""
+"""A result tree as the sections of a page read it: tests, parameters and posterior modes as plain arrays."""
 
 from __future__ import annotations
 
@@ -9,23 +9,24 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from mofit.report.display import percent
-
-Array = NDArray[np.float64]
+from mofit._typing import FloatArray
+from mofit.parameters import ParameterSpace
+from mofit.report.toolkit.figures import mode_colour
+from mofit.report.toolkit.formatting import percent
+from mofit.results import parameter_layout
 
 SHOWN = 4
-"""Clusters that get figures of their own; tables list all."""
-
-_HALF = ("weak", "limit")
-"""Words of a verdict that says something of the parameter, but not its value."""
+"""Modes that get figures of their own; tables list all."""
 
 PLAUSIBLE = 0.01
-"""Posterior weight from which a solution counts as plausible."""
+"""Probability from which a mode counts as plausible."""
+
+_PARTLY = ("weak", "limit")
+"""Words of a verdict that reports a range of the parameter, but not a value."""
 
 
-def numbers(node: xr.DataTree, name: str) -> Array:
+def numbers(node: xr.DataTree, name: str) -> FloatArray:
     """A numeric variable or coordinate of a group."""
     return np.asarray(node.dataset[name].values, dtype=float)
 
@@ -36,17 +37,27 @@ def labels(node: xr.DataTree, name: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Cluster:
-    """One mode: its refined minimum, its posterior and its diagnostics."""
+class Mode:
+    """One posterior mode: its MAP estimate, its samples and its diagnostics."""
 
     name: str
     index: int
     node: xr.DataTree
 
     @property
-    def weight(self) -> float:
-        """Share of the posterior mass."""
-        return float(self.node.attrs["weight"])
+    def probability(self) -> float:
+        """Posterior probability of the mode."""
+        return float(self.node.attrs["probability"])
+
+    @property
+    def title(self) -> str:
+        """Name and probability, for tabs."""
+        return f"{self.name} ({percent(self.probability)})"
+
+    @property
+    def colour(self) -> str:
+        """Its colour in every figure."""
+        return mode_colour(self.index)
 
     @property
     def converged(self) -> bool:
@@ -58,52 +69,61 @@ class Cluster:
         """Names of its free parameters."""
         return labels(self.node, "parameter")
 
-    def array(self, name: str) -> Array:
-        """One of its summary variables; NaN throughout where the run has none."""
+    def array(self, name: str) -> FloatArray:
+        """One of its variables per parameter; NaN throughout where the run has none."""
         if name in self.node.data_vars:
             return numbers(self.node, name)
         return np.full(len(self.parameters), np.nan)
 
     @cached_property
-    def draws(self) -> Array | None:
+    def draws(self) -> FloatArray:
         """Posterior draws, shape (chain, draw, parameter)."""
-        if "posterior" not in self.node.children:
-            return None
         return np.stack([numbers(self.node.children["posterior"], name) for name in self.parameters], axis=-1)
+
+    @property
+    def flat_draws(self) -> FloatArray:
+        """Posterior draws of all chains, shape (draw, parameter)."""
+        return self.draws.reshape(-1, len(self.parameters))
+
+    @property
+    def sampled(self) -> bool:
+        """Whether the run holds draws of it."""
+        return "posterior" in self.node.children
 
     @cached_property
     def verdicts(self) -> list[str]:
         """Verdict per parameter, empty where the run gives none."""
-        if "verdict" not in self.node.data_vars:
-            return [""] * len(self.parameters)
-        return labels(self.node, "verdict")
+        return labels(self.node, "verdict") if "verdict" in self.node.data_vars else [""] * len(self.parameters)
 
     @cached_property
     def grades(self) -> list[str]:
-        """Whether the data pin each parameter: ``good``, ``fair``, ``bad``, or ``unknown`` where nothing was sampled.
+        """Whether the data identify each parameter: ``good``, ``fair``, ``bad``, or ``unknown`` if nothing was sampled.
 
-        The verdict speaks where there is one; otherwise the contraction does (the posterior must be less than half as
-        wide as the prior), and a bound that is hit.
+        By the verdict; where there is none, the posterior must be less than half as wide as the prior. A parameter at
+        a bound is ``bad``.
         """
-        grades = []
-        for verdict, contraction, bound in zip(
-            self.verdicts, self.array("contraction"), self.array("at_bound"), strict=True
-        ):
-            if bound:
-                grades.append("bad")
-            elif verdict:
-                half = any(word in verdict.lower() for word in _HALF)
-                grades.append("good" if verdict.lower().startswith("identified") else "fair" if half else "bad")
-            elif np.isnan(contraction):
-                grades.append("unknown")
-            else:
-                grades.append("bad" if contraction < 0.5 else "good")
-        return grades
+        return [
+            _grade(verdict.lower(), contraction, bool(bound))
+            for verdict, contraction, bound in zip(
+                self.verdicts, self.array("contraction"), self.array("at_bound"), strict=True
+            )
+        ]
+
+
+def _grade(verdict: str, contraction: float, bound: bool) -> str:
+    if bound:
+        return "bad"
+    if verdict:
+        partly = any(word in verdict for word in _PARTLY)
+        return "good" if verdict.startswith("identified") else "fair" if partly else "bad"
+    if np.isnan(contraction):
+        return "unknown"
+    return "bad" if contraction < 0.5 else "good"
 
 
 @dataclass(frozen=True)
 class Run:
-    """A result tree, read for the report."""
+    """A result tree, read for the pages."""
 
     tree: xr.DataTree
 
@@ -112,28 +132,48 @@ class Run:
         """Names of the tests."""
         return labels(self.tree, "test")
 
-    def of_tests(self, name: str) -> Array:
+    def of_tests(self, name: str) -> FloatArray:
         """A numeric root variable over the tests."""
         return numbers(self.tree, name)
 
     @cached_property
-    def kinds(self) -> list[str]:
-        """Kind of excitation per test."""
-        return labels(self.tree, "kind")
+    def excitations(self) -> list[str]:
+        """Type of excitation per test."""
+        return labels(self.tree, "excitation")
 
     def input_of(self, test: str) -> xr.DataArray | None:
         """The first input signal of a test, or None where the run holds none."""
-        for name, signal in self.tree.children["constant_data"].data_vars.items():
+        for name, signal in self.tree["constant_data"].data_vars.items():
             if signal.dims == (f"time_{test}",) and name != f"{test}_weight":
                 return signal
         return None
 
     @cached_property
-    def clusters(self) -> list[Cluster]:
-        """Clusters, best first (c1, c2, …, c10)."""
-        nodes = self.tree.children["clusters"].children
+    def modes(self) -> list[Mode]:
+        """Posterior modes, best first (m1, m2, …, m10)."""
+        nodes = self.tree["modes"].children
         names = sorted(nodes, key=lambda name: (len(name), name))
-        return [Cluster(name, index, nodes[name]) for index, name in enumerate(names)]
+        return [Mode(name, index, nodes[name]) for index, name in enumerate(names)]
+
+    @property
+    def best(self) -> Mode:
+        """The most probable mode."""
+        return self.modes[0]
+
+    @property
+    def shown(self) -> list[Mode]:
+        """The modes that get figures."""
+        return self.modes[:SHOWN]
+
+    @property
+    def sampled(self) -> list[Mode]:
+        """Those of them that hold draws."""
+        return [mode for mode in self.shown if mode.sampled]
+
+    @cached_property
+    def plausible(self) -> list[Mode]:
+        """The modes with a probability that counts (all where it is not known)."""
+        return [mode for mode in self.modes if not mode.probability < PLAUSIBLE]
 
     def group(self, name: str) -> xr.DataTree | None:
         """A group of the tree, or None where the run has none."""
@@ -146,73 +186,33 @@ class Run:
         return "" if node is None else str(node.attrs["model_title"])
 
     @cached_property
-    def baseline_nrmsd(self) -> Array:
+    def baseline_nrmsd(self) -> FloatArray:
         """NRMSD of the baseline per test; NaN where the run has none."""
         node = self.group("baseline")
         return np.full(len(self.tests), np.nan) if node is None else numbers(node, "nrmsd")
-
-    @property
-    def shown(self) -> list[Cluster]:
-        """The clusters that get figures."""
-        return self.clusters[:SHOWN]
-
-    @cached_property
-    def plausible(self) -> list[Cluster]:
-        """The clusters that carry posterior weight worth naming."""
-        return [cluster for cluster in self.clusters if not cluster.weight < PLAUSIBLE]
 
     @property
     def converged(self) -> bool:
         """Whether the run as a whole converged."""
         return bool(self.tree.attrs["converged"])
 
-    @cached_property
-    def parameters(self) -> list[str]:
+    @property
+    def parameters(self) -> tuple[str, ...]:
         """All parameters of the model."""
-        return labels(self.tree.children["parameters"], "parameter")
-
-    def of_parameters(self, name: str, parameters: list[str]) -> NDArray[Any]:
-        """A variable of the parameter table, for these parameters."""
-        return self.tree.children["parameters"].dataset[name].sel(parameter=parameters).values
+        return self._space.names
 
     def unit(self, parameter: str) -> str:
-        """SI unit of a parameter."""
-        return str(self.of_parameters("unit", [parameter])[0])
+        """SI unit of a parameter; ``"1"`` if it is not one of the model."""
+        return self._space[parameter].unit if parameter in self._space.names else "1"
 
-    def is_log(self, parameters: list[str]) -> NDArray[np.bool_]:
-        """Whether the parameters are searched by their logarithm."""
-        return np.asarray(self.of_parameters("scale", parameters) == "log")
+    def space(self, names: list[str]) -> ParameterSpace:
+        """The prior box of these parameters."""
+        return self._space.subset(names)
 
-    def to_unit(self, values: Array, parameters: list[str]) -> Array:
-        """Place in the prior box, 0 to 1 per parameter (by logarithm where the scale is log)."""
-        log = self.is_log(parameters)
-        lower = np.asarray(self.of_parameters("lower", parameters), dtype=float)
-        upper = np.asarray(self.of_parameters("upper", parameters), dtype=float)
-        tiny = np.finfo(float).tiny
-
-        def scaled(x: Array) -> Array:
-            return np.where(log, np.log(np.maximum(x, tiny)), x)
-
-        return (scaled(values) - scaled(lower)) / (scaled(upper) - scaled(lower))
-
-    def from_unit(self, places: Array, parameters: list[str]) -> Array:
-        """Values at places in the prior box; the inverse of `to_unit`."""
-        lower = np.asarray(self.of_parameters("lower", parameters), dtype=float)
-        upper = np.asarray(self.of_parameters("upper", parameters), dtype=float)
-        log = self.is_log(parameters)
-        low, high = np.where(log, lower, 1.0), np.where(log, upper, 1.0)
-        return np.where(log, low * (high / low) ** places, lower + places * (upper - lower))
-
-    def moved(self, points: Array, names: list[str]) -> list[int]:
-        """Places of the parameters that differ between points by over a thousandth of the box (all if none does)."""
-        spread = np.ptp(self.to_unit(points, names), axis=0) if len(points) else np.zeros(len(names))
-        return [k for k in range(len(names)) if spread[k] > 1e-3] or [*range(len(names))]
+    @cached_property
+    def _space(self) -> ParameterSpace:
+        return parameter_layout(self.tree).space
 
     def json(self, attribute: str) -> Any:
         """A root attribute that holds JSON."""
         return json.loads(self.tree.attrs[attribute])
-
-
-def tab_title(cluster: Cluster) -> str:
-    """Name and weight of a cluster, for tabs."""
-    return f"{cluster.name} ({percent(cluster.weight)})"

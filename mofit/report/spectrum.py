@@ -1,23 +1,22 @@
-"""Amplitude spectra of broadband tests: the output, and what the model leaves over."""
+"""Amplitude spectra of broadband tests: the output, and the residual of the model."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from mofit.report.display import Unit
-from mofit.report.page import Figure
-from mofit.report.run import Array
-from mofit.report.style import BASELINE, FLOOR, MEASURED, cluster_colour, image_of, legend_above, line_key, panels
-
-if TYPE_CHECKING:
-    from mofit.report.overlay import Overlay
+from mofit._typing import FloatArray
+from mofit.report.overlay import Overlay
+from mofit.report.toolkit.blocks import Figure
+from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, dot_key, line_key, mode_colour
+from mofit.report.toolkit.formatting import Unit
 
 _FEWEST = 16
+"""Samples that a spectrum needs."""
 
 
 @dataclass(frozen=True)
@@ -25,10 +24,10 @@ class Spectrum:
     """Amplitudes over frequency (Hz), SI units; `noise` is the expected amplitude of white noise of the test's sd."""
 
     test: str
-    frequency: Array
-    measured: Array
-    residual: Array
-    baseline_residual: Array
+    frequency: FloatArray
+    measured: FloatArray
+    residual: FloatArray
+    baseline_residual: FloatArray
     noise: float
 
 
@@ -57,7 +56,7 @@ def extract_spectra(overlays: Sequence[Overlay]) -> list[Spectrum]:
     return spectra
 
 
-def _amplitude(signal: Array) -> Array:
+def _amplitude(signal: FloatArray) -> FloatArray:
     return 2 / signal.size * np.abs(np.fft.rfft(signal))[1:]
 
 
@@ -67,33 +66,27 @@ def draw_spectrum(spectrum: Spectrum, unit: Unit, axes: Axes) -> Axes:
     axes.plot(spectrum.frequency, unit.factor * spectrum.measured, color=MEASURED, **dots)
     if spectrum.baseline_residual.size:
         axes.plot(spectrum.frequency, unit.factor * spectrum.baseline_residual, color=BASELINE, **dots)
-    axes.plot(spectrum.frequency, unit.factor * spectrum.residual, color=cluster_colour(0), **dots)
+    axes.plot(spectrum.frequency, unit.factor * spectrum.residual, color=mode_colour(0), **dots)
     if spectrum.noise > 0:
         axes.axhline(unit.factor * spectrum.noise, color=FLOOR, lw=2)
     axes.set_yscale("log")
     axes.set_title(spectrum.test)
-    axes.set_xlabel("frequency (Hz)")
     return axes
 
 
-def spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, solution: str) -> Figure:
+def spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode: str) -> Figure:
     """A panel per broadband test."""
-    canvas, axes, _ = panels(len(spectra), 2, 2.1, margin=(0.75, 0.5, 0.1, 0.65))
-    for k, (spectrum, panel) in enumerate(zip(spectra, axes, strict=True)):
-        draw_spectrum(spectrum, unit, panel)
-        if k % 2 == 0:
-            panel.set_ylabel(unit.label("amplitude"))
-    dot: dict[str, Any] = {"ls": "none", "marker": "."}
-    handles = [line_key(MEASURED, "measured", **dot), line_key(cluster_colour(0), f"left over by {solution}", **dot)]
+    legend = [dot_key(MEASURED, "measured", marker="."), dot_key(mode_colour(0), f"residual of {mode}", marker=".")]
     if baseline:
-        handles.append(line_key(BASELINE, f"left over by {baseline}", **dot))
-    legend_above(canvas, [*handles, line_key(FLOOR, "noise level", lw=2)])
-    return Figure(
-        image_of(canvas),
+        legend.append(dot_key(BASELINE, f"residual of {baseline}", marker="."))
+    panels = Panels(len(spectra), 2, 2.1, legend=[*legend, line_key(FLOOR, "noise level", lw=2)])
+    for spectrum, axes in zip(spectra, panels.axes, strict=True):
+        draw_spectrum(spectrum, unit, axes)
+    panels.label("frequency (Hz)", unit.label("amplitude"))
+    return panels.figure(
         "Amplitude spectra of output and residual per broadband test",
-        "Amplitude spectrum of the output and of what the model leaves over.",
-        good="what is left over lies on the noise level at all frequencies.",
-        bad="peaks above the noise level: near a resonance the frequency or damping is off, between the excited "
-        "lines a "
-        "nonlinearity is missing.",
+        "Amplitude spectrum of the output and of the residual.",
+        good="the residual equals the noise level at all frequencies.",
+        bad="peaks above the noise level: near a resonance the frequency or damping is wrong, between the excited "
+        "lines a nonlinearity is missing.",
     )

@@ -1,21 +1,27 @@
-"""The headline: what came out, in plain words."""
+"""The headline: what came out of a run, in a few sentences and figures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
-from mofit.report.display import THIN, count, listed, number, percent, symbol, with_sd
-from mofit.report.page import Block, Raw, Section, Text
+from mofit._typing import FloatArray
 from mofit.report.run import PLAUSIBLE, Run, numbers
+from mofit.report.toolkit.blocks import Block, Raw, Section, Text, banner, bullets, cards
+from mofit.report.toolkit.formatting import count, listed, number, percent, plus_minus, symbol, unit_text, whole_percent
+
+_NOTABLE = 1.2
+"""Ratio of a test's error to its noise floor from which the worst test is named."""
+
+_FAVOURED = 0.9
+"""Probability of the best mode from which the data favour it."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """The figures of the headline; NRMSD are means over the tests that the best solution predicts."""
+    """The figures of the headline; NRMSD are means over the tests that the best mode predicts."""
 
     converged: bool
     plausible: int
@@ -25,155 +31,147 @@ class Headline:
     largest_r_hat: float
     smallest_ess: float
     graded: bool
-    unpinned: list[str]
+    not_identified: list[str]
     at_bound: list[str]
     worst_test: str
     worst_ratio: float
 
 
 def extract_headline(run: Run) -> Headline:
-    """Boil the run down to a few figures."""
-    best = run.clusters[0]
-    nrmsd = numbers(best.node, "nrmsd")
-    floor = run.of_tests("noise_floor")
+    """Reduce the run to a few figures."""
+    best = run.best
+    nrmsd, floor = numbers(best.node, "nrmsd"), run.of_tests("noise_floor")
     used = np.isfinite(nrmsd)
     ratio = np.where(used & (floor > 0), nrmsd / np.where(floor > 0, floor, 1.0), -np.inf)
     worst = int(np.argmax(ratio))
+    r_hat, ess = (_finite(*(mode.array(name) for mode in run.plausible)) for name in ("r_hat", "ess"))
     return Headline(
         converged=run.converged,
         plausible=len(run.plausible),
         nrmsd=_mean(nrmsd[used]),
         noise_floor=_mean(floor[used]),
         baseline=_mean(run.baseline_nrmsd[used]),
-        largest_r_hat=_extreme(np.max, [c.array("r_hat") for c in run.plausible]),
-        smallest_ess=_extreme(np.min, [c.array("ess") for c in run.plausible]),
+        largest_r_hat=float(r_hat.max()) if r_hat.size else np.nan,
+        smallest_ess=float(ess.min()) if ess.size else np.nan,
         graded="unknown" not in best.grades,
-        unpinned=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade in ("fair", "bad")],
+        not_identified=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade in ("fair", "bad")],
         at_bound=[n for n, bound in zip(best.parameters, best.array("at_bound"), strict=True) if bound],
         worst_test=run.tests[worst],
         worst_ratio=float(ratio[worst]),
     )
 
 
-def _mean(values: np.ndarray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.mean()) if finite.size else float("nan")
+def _finite(*arrays: FloatArray) -> FloatArray:
+    values = np.concatenate([*arrays, np.empty(0)])
+    return values[np.isfinite(values)]
 
 
-def _extreme(choose: Callable[[np.ndarray], float], arrays: list[np.ndarray]) -> float:
-    values = np.concatenate([*arrays, [np.nan]])
-    finite = values[np.isfinite(values)]
-    return float(choose(finite)) if finite.size else float("nan")
+def _mean(values: FloatArray) -> float:
+    finite = _finite(values)
+    return float(finite.mean()) if finite.size else np.nan
 
 
 def summary_section(run: Run) -> Section:
     """Banner, sentences and a row of key figures."""
     found = extract_headline(run)
-    blocks: list[Block] = [convergence_banner(found), _cards(run, found), Text(_best(run)), Text(_fit(run, found))]
-    blocks += [Text(_solutions(run, found)), Text(_pinned(run, found))]
+    texts = (_best(run), _fit(run, found), _modes(run, found), _identified(run, found))
+    blocks: list[Block] = [convergence_banner(found), _cards(run, found), *(Text(text) for text in texts)]
     warnings = run.json("warnings")
     if warnings:
-        items = Markup("").join(Markup("<li>{}</li>").format(text) for text in warnings)
-        blocks.append(Raw(Markup("<p><b>Warnings of the run</b></p><ul>{}</ul>").format(items)))
+        blocks.append(bullets(warnings, Markup("<b>Warnings of the run</b>")))
     return Section("summary", "Summary", blocks, {"headline": found, "warnings": warnings})
 
 
 def convergence_banner(found: Headline) -> Raw:
     """Whether the run converged, in one coloured box."""
-    diagnosis = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {count_or_dash(found)}"
+    ess = count(found.smallest_ess) if np.isfinite(found.smallest_ess) else "–"
+    figures = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {ess}"
     if found.converged:
-        text = f"The run converged: independent ensembles agree ({diagnosis})."
-        return Raw(Markup('<div class="banner good" role="status">{}</div>').format(text))
-    text = (
-        f"This run did not converge ({diagnosis}). Read the intervals below as preliminary: "
-        "they may be too narrow or in the wrong place. Continue the run with --resume, or give it more evaluations."
+        return banner(f"The run converged: independent ensembles agree ({figures}).", "good")
+    return banner(
+        f"This run did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow or in "
+        "the wrong place. Continue the run with --resume, or give it more evaluations.",
+        "bad",
     )
-    return Raw(Markup('<div class="banner bad" role="alert">{}</div>').format(text))
-
-
-def count_or_dash(found: Headline) -> str:
-    """The smallest effective sample size, or a dash where nothing was sampled."""
-    return count(found.smallest_ess) if np.isfinite(found.smallest_ess) else "–"
 
 
 def _cards(run: Run, found: Headline) -> Raw:
-    cards = [
-        (percent(found.nrmsd), "mean NRMSD of the best solution"),
+    parameters = len(run.best.parameters)
+    items = [
+        (percent(found.nrmsd), "mean NRMSD of the best mode"),
         (percent(found.noise_floor), "noise floor: the least any model can reach"),
     ]
     if np.isfinite(found.baseline):
-        cards.append((percent(found.baseline), f"baseline: {run.tree['baseline'].attrs['model_title']}"))
-    cards.append((str(found.plausible), f"plausible solution{'s' if found.plausible != 1 else ''} (weight above 1 %)"))
-    pinned = len(run.clusters[0].parameters) - len(found.unpinned)
+        items.append((percent(found.baseline), f"baseline: {run.baseline_title}"))
+    modes = "plausible mode" if found.plausible == 1 else "plausible modes"
+    items.append((str(found.plausible), f"{modes} (probability above {whole_percent(PLAUSIBLE)})"))
     if found.graded:
-        cards.append((f"{pinned} of {len(run.clusters[0].parameters)}", "parameters pinned by the data"))
+        items.append((f"{parameters - len(found.not_identified)} of {parameters}", "parameters identified"))
     seconds = run.json("seconds")
     if seconds:
-        cards.append((f"{number(seconds.get('total', sum(seconds.values())))} s", "of computing"))
-    inner = Markup("").join(Markup('<div class="card"><b>{}</b><span>{}</span></div>').format(*card) for card in cards)
-    return Raw(Markup('<div class="cards">{}</div>').format(inner))
+        items.append((f"{number(seconds.get('total', sum(seconds.values())))} s", "of computing"))
+    return cards(items)
 
 
 def _best(run: Run) -> Markup:
-    best = run.clusters[0]
+    best = run.best
+    rows = zip(best.parameters, best.array("value"), best.array("sd"), strict=True)
     values = [
-        Markup("{}&nbsp;= {}{}{}").format(
+        Markup("{}&nbsp;= {}{}").format(
             symbol(name),
-            with_sd(value, sd),
-            Markup("&nbsp;± {}").format(number(sd, 2)) if np.isfinite(sd) else "",
-            "" if run.unit(name) == "1" else f" {run.unit(name)}",
+            plus_minus(value, sd).replace(" ±", "\u00a0±"),
+            f" {run.unit(name)}" if unit_text(run.unit(name)) else "",
         )
-        for name, value, sd in zip(best.parameters, best.array("value"), best.array("sd"), strict=True)
+        for name, value, sd in rows
     ]
-    share = f" (posterior weight {percent(best.weight)})" if len(run.clusters) > 1 else ""
-    return Markup("<b>Best solution {}</b>{}: {}.").format(best.name, share, listed(values))
+    share = f" (posterior probability {percent(best.probability)})" if len(run.modes) > 1 else ""
+    return Markup("<b>Best mode {}</b>{}: {}.").format(best.name, share, listed(values))
 
 
 def _fit(run: Run, found: Headline) -> Markup:
-    over = found.nrmsd / found.noise_floor if found.noise_floor > 0 else float("nan")
-    text = Markup("<b>Error.</b> The mean NRMSD is {}, {}× the noise floor of {}").format(
+    over = found.nrmsd / found.noise_floor if found.noise_floor > 0 else np.nan
+    text = Markup("<b>Error.</b> The mean NRMSD is {}, {}× the noise floor of {}.").format(
         percent(found.nrmsd), number(over), percent(found.noise_floor)
     )
     if np.isfinite(found.baseline):
         change = 1 - found.nrmsd / found.baseline
-        text += Markup("; the {} reaches {}, so the model's error is {} {}").format(
+        text += Markup(" The baseline {} reaches {}: the model's error is {} {}.").format(
             run.baseline_title,
             percent(found.baseline),
-            f"{100 * abs(change):.0f}{THIN}%",
+            whole_percent(abs(change)),
             "smaller" if change >= 0 else "larger",
         )
-    if np.isfinite(found.worst_ratio) and found.worst_ratio > 1.2:
-        text += Markup(". Most is left over on {}: {}× its noise floor").format(
+    if np.isfinite(found.worst_ratio) and found.worst_ratio > _NOTABLE:
+        text += Markup(" The largest residual is that of {}: {}× its noise floor.").format(
             found.worst_test, number(found.worst_ratio)
         )
-    return text + Markup(".")
+    return text
 
 
-def _solutions(run: Run, found: Headline) -> Markup:
+def _modes(run: Run, found: Headline) -> Markup:
     if found.plausible == 1:
-        others = len(run.clusters) - 1
-        more = f"; {others} more found by the search carry less than {PLAUSIBLE:.0%} each" if others else ""
-        return Markup("<b>Solutions.</b> There is one plausible solution{}.").format(more)
-    shares = listed([Markup("{} ({})").format(c.name, percent(c.weight)) for c in run.plausible])
-    best = run.clusters[0]
+        others = len(run.modes) - 1
+        more = f" The search found {others} more, each with a probability below {whole_percent(PLAUSIBLE)}."
+        return Markup("<b>Modes.</b> One posterior mode is plausible.{}").format(more if others else "")
+    shares = listed([f"{mode.name} ({percent(mode.probability)})" for mode in run.plausible])
     sentence = (
-        f"The data favour {best.name} but don't exclude the others."
-        if best.weight > 0.9
-        else "The data alone don't tell them apart."
+        f"The data favour {run.best.name} but do not exclude the others."
+        if run.best.probability > _FAVOURED
+        else "The data alone do not distinguish them."
     )
-    return Markup("<b>Solutions.</b> {} solutions are plausible: {}. {}").format(found.plausible, shares, sentence)
+    return Markup("<b>Modes.</b> {} posterior modes are plausible: {}. {}").format(found.plausible, shares, sentence)
 
 
-def _pinned(run: Run, found: Headline) -> Markup:
-    if not found.graded and not found.unpinned:
-        return Markup("<b>Parameters.</b> Nothing was sampled, so it is not known how well the data pin them.")
-    if not found.unpinned:
-        return Markup("<b>Parameters.</b> The data pin all {} parameters.").format(len(run.clusters[0].parameters))
-    text = Markup("<b>Parameters.</b> The data do not pin {}: read it as a range, not as a value").format(
-        listed([symbol(name) for name in found.unpinned])
+def _identified(run: Run, found: Headline) -> Markup:
+    if not found.graded and not found.not_identified:
+        return Markup("<b>Parameters.</b> Nothing was sampled, so it is not known whether the data identify them.")
+    if not found.not_identified:
+        return Markup("<b>Parameters.</b> The data identify all {} parameters.").format(len(run.best.parameters))
+    text = Markup("<b>Parameters.</b> The data do not identify {}: read it as a range, not as a value").format(
+        listed([symbol(name) for name in found.not_identified])
     )
     if found.at_bound:
-        text += Markup(" ({} at a bound of the search box: widen it, or doubt the model)").format(
+        text += Markup(" ({} at a bound of the prior box: widen it, or doubt the model)").format(
             listed([symbol(name) for name in found.at_bound])
         )
     return text + Markup(".")

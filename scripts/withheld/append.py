@@ -45,7 +45,7 @@ def main() -> None:
     for path in sorted(options.results.glob("*.json")):
         result, target = json.loads(path.read_text()), options.out / f"{path.stem}.nc"
         if path.stem in labels and not target.exists() and advises(Pairing(path.stem, labels[path.stem], result)):
-            append_test(campaigns / f"{path.stem}.nc", labels[path.stem], result["next_test"], target)
+            append_test(campaigns / f"{path.stem}.nc", labels[path.stem], result["next_experiment"], target)
             print(path.stem, file=sys.stderr)
 
 

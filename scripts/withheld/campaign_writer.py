@@ -52,7 +52,7 @@ def extend_file(source: Path, path: Path, test: RigTest, force: NDArray) -> None
 
 def _write_test(file: netCDF4.Dataset, test: RigTest, force: NDArray) -> None:
     group = file.createGroup(test.name)
-    group.setncatts({"procedure": test.kind, "amplitude": test.amplitude, "hold": _hold(test)})
+    group.setncatts({"procedure": test.kind, "amplitude": test.amplitude, "interpolation": _interpolation(test)})
     if test.frequency:
         group.frequency = test.frequency
     if test.start_time is not None:
@@ -73,7 +73,7 @@ def _write_test(file: netCDF4.Dataset, test: RigTest, force: NDArray) -> None:
         variable[:] = values
 
 
-def _hold(test: RigTest) -> str:
+def _interpolation(test: RigTest) -> str:
     return "cubic" if test.kind == "sine" else "linear"
 
 

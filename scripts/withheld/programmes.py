@@ -1,6 +1,6 @@
 """Which tests a campaign needs for an effect to be named: what a perfect diagnosis could do at best.
 
-    python scripts/withheld/programmes.py --out reports/withheld-effects/programmes.md [--specimens 9] [--seed 1]
+    python scripts/withheld/programmes.py --out reports/fixed_test_plans/README.md [--specimens 9] [--seed 1]
                                           [--jobs 1]
 
 From the truth alone, and linear (`strength`): an effect of strength S, drawn from 50 to 2,000 on a log scale, is named
@@ -93,7 +93,7 @@ def tyre(number: int, seed: int) -> Tyre:
 def page(tyres: Sequence[Tyre], made_by: str) -> Iterator[str]:
     """Lines of the page."""
     yield from (
-        "# What fixed programmes could tell apart",
+        "# What fixed test plans can distinguish at best",
         "",
         (__doc__ or "").partition("\n\n")[2].split("\n\n", 1)[1],
     )

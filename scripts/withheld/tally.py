@@ -53,13 +53,13 @@ class Pairing:
             return ()
         parts = [effect["name"] for effect in self.result["effects"]]
         parts += list(self.result.get("group") or ())
-        parts += [name for names in self.result.get("explanations") or () for name in names]
+        parts += [name for names in self.result.get("candidate_models") or () for name in names]
         return tuple(dict.fromkeys(parts))
 
     @property
     def best(self) -> tuple[str, ...]:
         """Effects of its best explanation; none where it names none with conviction."""
-        return tuple(self.result["explanations"][0]) if self.named else ()
+        return tuple(self.result["candidate_models"][0]) if self.named else ()
 
     @property
     def exact(self) -> bool:
@@ -146,12 +146,12 @@ def figures(
         },
         "shrinkage": _shrinkage([p for p in (*strong, *by_case["pair"]) if p.exact]),
         "size": _sizes([p for p in strong if p.exact]),
-        "next_test": {
+        "next_experiment": {
             "claimed": sum(claims(p) for found in rounds for p in found.values()),
             "resolved": share(after.exact for _, after in claimed),
-            "parted": share(_parted(before, after) for before, after in claimed),
+            "discriminated": share(_discriminated(before, after) for before, after in claimed),
             "all": share(after.exact for _, after in advised),
-            "all_foreseen": mean([float(before.result["next_test"].get("chance", 0.0)) for before, _ in advised]),
+            "all_expected": mean([float(before.result["next_experiment"].get("power", 0.0)) for before, _ in advised]),
         },
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
@@ -218,15 +218,15 @@ def removable(p: Pairing) -> bool:
 
 def advises(p: Pairing) -> bool:
     """Whether a diagnosis that explains the gap advises a test to tell its explanations apart."""
-    return p.verdict != "unknown" and p.result.get("next_test") is not None
+    return p.verdict != "unknown" and p.result.get("next_experiment") is not None
 
 
 def claims(p: Pairing) -> bool:
     """Whether it says that this test will tell all of them apart."""
-    return advises(p) and bool(p.result["next_test"]["resolves"])
+    return advises(p) and bool(p.result["next_experiment"]["resolves"])
 
 
-def _parted(before: Pairing, after: Pairing) -> bool:
+def _discriminated(before: Pairing, after: Pairing) -> bool:
     """Whether of all that was named before the truth alone still is; what was not may be named beside it."""
     return set(after.true) <= set(after.named) and not set(before.named) & set(after.named) - set(after.true)
 
@@ -253,7 +253,7 @@ def _shrinkage(found: Sequence[Pairing]) -> dict[str, Any]:
     actual = [p.actual for p in told]
     return {
         "predicted_off": spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
-        "confirmed_off": spread([abs(s["confirmed"] - a) for s, a in zip(said, actual, strict=True)]),
+        "refitted_off": spread([abs(s["refitted"] - a) for s, a in zip(said, actual, strict=True)]),
         "covered": share(s["low"] <= a <= s["high"] for s, a in zip(said, actual, strict=True)),
         "withheld": len(found) - len(told),
     }

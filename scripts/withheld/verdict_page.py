@@ -9,6 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+#: Words of the page for the cases of the generator.
+_CASES = {
+    "none": "without effect",
+    "effect": "with an effect",
+    "kin": "with a near-library variant",
+    "unknown": "with an out-of-library discrepancy",
+    "pair": "with two effects",
+}
+
 
 def page(
     found: Mapping[str, Any], down: Sequence[str], across: Sequence[str], counts: NDArray[np.int64], made_by: str = ""
@@ -20,21 +29,21 @@ def page(
     )
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
-        "# Withheld effects",
+        "# Blind test of the diagnosis",
         "",
         *([f"Made by {made_by.rstrip('.')}.", ""] if made_by else []),
-        "Campaigns of `scripts/withheld/generate.py`, diagnosed without their labels; labels opened by",
-        "`scripts/withheld/score.py` alone. Shares have 95 % intervals (Clopper–Pearson). T: the statistic of the true",
-        "effect in the diagnosis' own score test; strength: what is expected of it, from the truth. Alone: that effect",
-        "and no other is named; first: it is the most probable one. Some effects (delay and patch lag, force and slip",
-        "offset) these tests can hardly tell apart: there a group is right, and not alone. Effects removed are those",
-        "that all others together cannot stand in for, as the effects outside the library. Where several explanations",
-        "are left, the advised next test is run on the same tyre and the campaign diagnosed again, round by round; it",
-        "resolves its group where the truth and nothing else is named then. At best: how often noise lets the truth",
-        "fit better than its best rival (first), or ten times better (alone), were all else known (linear, from the",
-        "truth).",
+        "`scripts/withheld/generate.py` makes the campaigns; they are diagnosed with blinded labels, which",
+        "`scripts/withheld/score.py` alone opens. Shares have 95 % intervals (Clopper–Pearson). T is the statistic",
+        "of the true effect in the diagnosis' own score test; strength is the expectation of T, from the truth.",
+        "Alone: that effect and no other is named. First: it is the most probable one. These tests can hardly",
+        "distinguish some effects (delay and patch lag, force and slip offset): there a group is right, and not",
+        "alone. Only effects that all others together cannot replace are removed from the candidates; the same",
+        "holds for out-of-library discrepancies. Where several explanations are left, the proposed next test is",
+        "run on the same tyre and the campaign diagnosed again, round by round; it discriminates where the truth",
+        "and nothing else is named then. At best: how often the noise lets the truth fit better than its best",
+        "competitor (first), or ten times better (alone), if all else were known (linear, from the truth).",
         "",
-        "Campaigns: " + ", ".join(f"{count} {case}" for case, count in found["campaigns"].items())
+        "Campaigns: " + ", ".join(f"{count} {_CASES.get(case, case)}" for case, count in found["campaigns"].items())
         + f"; not diagnosed: {found['not_diagnosed']}.",
         "",
         "| figure | found | asked for |",
@@ -44,49 +53,49 @@ def page(
         *(f"| … {noise} noise | {_share(value)} | |" for noise, value in none["by_noise"].items()),
         f"| strong (T ≥ 50): named exactly, first of the set | {_share(strong['first'])} | ≥ 98 % |",
         f"| … alone in the set | {_share(strong['exact'])} | ≥ 98 %, if exactly means alone |",
-        f"| … alone, and first, at best by what these tests tell apart | {_percent(found['strong_alone_at_best'])}, "
+        f"| … alone, and first, at best by what these tests distinguish | {_percent(found['strong_alone_at_best'])}, "
         f"{_percent(found['strong_first_at_best'])} | |",
         f"| … in the reported set | {_share(strong['in_set'])} | ≥ 99 % |",
         f"| … mean set size | {_number(strong['set_size'])} | ≤ 1.3 |",
-        f"| … alone, once the advised tests are run | {_share(followed['exact'])} | |",
-        f"| … … in the set then | {_share(followed['in_set'])} | |",
-        f"| … … so many were given a next test, by round | {', '.join(map(str, found['next_tests_run']))} | |",
-        f"| … which these tests tell from all others: alone | {_share(found['strong_told_apart']['exact'])} | |",
+        f"| … alone, after the proposed next tests | {_share(followed['exact'])} | |",
+        f"| … … in the set | {_share(followed['in_set'])} | |",
+        f"| … … campaigns with a next test, by round | {', '.join(map(str, found['next_tests_run']))} | |",
+        f"| … distinguishable from all others: alone | {_share(found['strong_told_apart']['exact'])} | |",
         f"| weaker (T from 16 to 50): in the set | {_share(found['weaker']['in_set'])} | ≥ 90 % |",
-        f"| fainter: in the set | {_share(found['fainter']['in_set'])} | |",
+        f"| weakest (T below 16): in the set | {_share(found['fainter']['in_set'])} | |",
         f"| strength ≥ 50: named first | {_share(found['strong_in_truth']['first'])} | |",
         f"| … in the set | {_share(found['strong_in_truth']['in_set'])} | |",
         f"| strength from 16 to 50: in the set | {_share(found['weaker_in_truth']['in_set'])} | |",
-        f"| kin (same cause, another law), strong: in the set | {_share(found['kin']['in_set'])} | |",
-        f"| … said unknown | {_share(found['kin']['said_unknown'])} | |",
-        f"| outside the library: said unknown | {_share(unknown['said_unknown'])} | ≥ 95 % |",
+        f"| near-library variants (same cause, another law), strong: in the set | {_share(found['kin']['in_set'])} | |",
+        f"| … reported unknown | {_share(found['kin']['said_unknown'])} | |",
+        f"| out-of-library discrepancies: reported unknown | {_share(unknown['said_unknown'])} | ≥ 95 % |",
         f"| … confidently wrong | {_share(unknown['confidently_wrong'])} | ≤ 1 % |",
-        f"| … said none | {_share(unknown['said_none'])} | |",
+        f"| … reported none | {_share(unknown['said_none'])} | |",
         f"| two at once: both named | {_share(pairs['both_named'])} | ≥ 85 % |",
         f"| … precision | {_share(pairs['precision'])} | ≥ 90 % |",
-        f"| … those two by the best explanation | {_share(pairs['both_first'])} | |",
-        f"| … once the advised tests are run: both named | {_share(later['both_named'])} | |",
+        f"| … those two by the most probable explanation | {_share(pairs['both_first'])} | |",
+        f"| … after the proposed next tests: both named | {_share(later['both_named'])} | |",
         f"| … … precision | {_share(later['precision'])} | |",
-        f"| … told from all other pairs: both named | {_share(apart['both_named'])} | |",
+        f"| … distinguishable from all other pairs: both named | {_share(apart['both_named'])} | |",
         f"| … … precision | {_share(apart['precision'])} | |",
-        f"| … … those two by the best explanation | {_share(apart['both_first'])} | |",
-        f"| true effect removed from the candidates: said unknown | {_share(without['said_unknown'])} | |",
+        f"| … … those two by the most probable explanation | {_share(apart['both_first'])} | |",
+        f"| true effect removed from the candidates: reported unknown | {_share(without['said_unknown'])} | |",
         f"| … confidently wrong | {_share(without['confidently_wrong'])} | |",
-        f"| … of so many that could be removed | {without['removable']} | |",
-        f"| shrinkage: predicted off by, median / 90 % | {_pair(shrinkage['predicted_off'])} | ≤ 0.02 / 0.05 |",
-        f"| … confirmed off by, median / 90 % | {_pair(shrinkage['confirmed_off'])} | |",
+        f"| … campaigns where it can be removed | {without['removable']} | |",
+        f"| shrinkage: error of the prediction, median / 90 % | {_pair(shrinkage['predicted_off'])} | ≤ 0.02 / 0.05 |",
+        f"| … error after refits, median / 90 % | {_pair(shrinkage['refitted_off'])} | |",
         f"| … 90 % intervals cover | {_share(shrinkage['covered'])} | 87 to 93 % |",
-        f"| effect size off by, median / 90 % | {_pair(size['error'])} | ≤ 5 % median |",
+        f"| relative error of the effect size, median / 90 % | {_pair(size['error'])} | ≤ 5 % median |",
         f"| … 90 % intervals cover | {_share(size['covered'])} | |",
-        f"| advised next test resolves its group | {_share(found['next_test']['resolved'])} | ≥ 95 % |",
-        f"| … parts it: others than before may be named beside the truth | {_share(found['next_test']['parted'])} | |",
-        f"| … of all that were run, those without a claim too | {_share(found['next_test']['all'])} | |",
-        f"| … … the mean of the chances that were said | {_percent(found['next_test']['all_foreseen'])} | |",
+        f"| proposed next test discriminates | {_share(found['next_experiment']['resolved'])} | ≥ 95 % |",
+        f"| … rules out all it named before but the truth | {_share(found['next_experiment']['discriminated'])} | |",
+        f"| … of all that were run, also those with less power | {_share(found['next_experiment']['all'])} | |",
+        f"| … … mean expected power | {_percent(found['next_experiment']['all_expected'])} | |",
         f"| seconds of processor time per diagnosis, median / 90 % | {_pair(found['seconds'])} | ≤ 30 |",
         "",
         "## By effect (strong)",
         "",
-        "| effect | first | alone | in the set | said unknown | size off by, median |",
+        "| effect | first | alone | in the set | reported unknown | error of the size, median |",
         "|---|---|---|---|---|---|",
         *(
             f"| {name} | {_share(value['first'])} | {_share(value['exact'])} | {_share(value['in_set'])} "
@@ -95,7 +104,7 @@ def page(
             for name, value in found["by_effect"].items()
         ),
         "",
-        "## Outside the library: said unknown",
+        "## Out-of-library discrepancies: reported unknown",
         "",
         "| cause | share |",
         "|---|---|",
@@ -103,7 +112,7 @@ def page(
         "",
         "## Confusion",
         "",
-        "![Truth by row, verdict by column](confusion.png)",
+        "![Truth by row, diagnosis by column](confusion.png)",
         "",
         "| | " + " | ".join(across) + " |",
         "|---" * (len(across) + 1) + "|",
@@ -132,7 +141,7 @@ def draw(path: Path, down: Sequence[str], across: Sequence[str], counts: NDArray
         axes.text(
             j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color="w" if shares[i, j] > 0.6 else "k"
         )
-    axes.set_xlabel("verdict")
+    axes.set_xlabel("diagnosis")
     axes.set_ylabel("what the campaign hides")
     figure.colorbar(image, label="share of the row", shrink=0.6)
     figure.savefig(path, dpi=120, metadata={"Software": None})

@@ -2,8 +2,8 @@
 
 import pytest
 
+from mofit.cli.options import by_name, range_by_name
 from mofit.errors import InputError
-from mofit.options import by_name, range_by_name
 
 
 def test_values_by_name():
@@ -14,4 +14,4 @@ def test_values_by_name():
 def test_every_bad_entry_is_named():
     with pytest.raises(InputError) as caught:
         range_by_name("--bounds", ["a=1", "b=1:2", "c", "d=x:1"])
-    assert [fault.where for fault in caught.value.faults] == ["--bounds a=1", "--bounds c", "--bounds d=x:1"]
+    assert [issue.where for issue in caught.value.issues] == ["--bounds a=1", "--bounds c", "--bounds d=x:1"]

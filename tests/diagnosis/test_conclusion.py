@@ -1,35 +1,17 @@
-"""When what is left of a gap is unknown: significant, felt in the output, and more than models may differ by."""
+"""When a gap counts as explained: what is left must be significant, large enough, and more than models may leave."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mofit.diagnosis import verdict
-from mofit.diagnosis.remaining import Clue, Remaining
-from mofit.diagnosis.thresholds import Thresholds
-
-
-def left(p, *squares):
-    return Remaining((Clue("odd", 0.0, 1.0, p, np.array(squares)),), p)
-
-
-def where(*squares):
-    names = [f"sine_{i}" for i in range(len(squares))]
-    peaks = dict.fromkeys(names, 1000.0)
-    return SimpleNamespace(squares=dict(zip(names, squares, strict=True)), peaks=peaks, unit="N")
-
-
-@pytest.fixture(autouse=True)
-def names_only(monkeypatch):
-    """No fits behind these explanations."""
-    monkeypatch.setattr(
-        verdict, "named", lambda explanation, name, probability: SimpleNamespace(name=name, title=name, probability=1.0)
-    )
+from mofit.diagnosis.conclusion import Finding, cause, doubtful_effects, nearest, unexplained
+from mofit.diagnosis.residual_tests import Residuals, ResidualTest
+from mofit.diagnosis.settings import DiagnosisSettings
 
 
 @pytest.mark.parametrize(
-    ("effects", "p", "share", "said"),
+    ("effects", "p", "share", "verdict"),
     [
         (("force_gain",), 1e-9, 0.03, "unknown"),
         (("force_gain",), 1e-9, 0.01, "effect"),
@@ -37,48 +19,50 @@ def names_only(monkeypatch):
         (("force_gain", "warm_up"), 1e-9, 0.001, "several"),
         (("force_gain", "warm_up"), 0.01, 0.01, "several"),
         (("drift", "force_gain", "warm_up"), 1e-9, 0.01, "unknown"),
+        ((), 1e-9, 1.0, "unknown"),
+        ((), 0.5, 1.0, "none"),
     ],
 )
-def test_what_several_effects_leave_counts_sooner_than_what_one_does(effects, p, share, said):
-    best = SimpleNamespace(effects=effects, criterion=0.0)
-    found = SimpleNamespace(
-        best=best, explanations=(best,), screened=(), left=left(1e-30, 800.0, 200.0), best_left=left(p, 1000 * share, 0)
-    )
-    concluded = verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), Thresholds())
-    assert concluded.verdict == said
-    assert concluded.left_share == pytest.approx(share)
+def test_several_effects_may_leave_less_than_one(effects, p, share, verdict):
+    assert Finding(effects, True, p, 0.01, share).verdict(DiagnosisSettings()) == verdict
 
 
-def test_a_pattern_without_power_is_told_as_one():
-    best = SimpleNamespace(effects=("payne",), criterion=0.0)
-    gap = left(1e-30, 800.0, 200.0)
-    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=gap, best_left=left(1e-9, 30.0, 0.0))
-    concluded = verdict.conclude(found, where(800.0, 200.0), where(0.0, 0.0), Thresholds(), told=0.0)
-    assert concluded.sentence == (
-        "None of the known effects explains the gap; the nearest, payne, leaves a pattern of little power."
-    )
+def test_without_significance_there_is_no_gap():
+    assert Finding(("force_gain",), False, 1e-9, 0.01, 0.5).verdict(DiagnosisSettings()) == "none"
+
+
+def test_what_is_small_beside_the_peak_does_not_count():
+    assert Finding(("force_gain",), True, 1e-9, 1e-4, 0.5).verdict(DiagnosisSettings()) == "effect"
+
+
+def test_indistinguishable_models_are_a_group():
+    assert Finding(("delay",), True, 0.5, 0.01, 0.0, doubtful=True).verdict(DiagnosisSettings()) == "group"
+    assert doubtful_effects([("delay", "drift"), ("drift", "sensor_lowpass")]) == {"delay", "sensor_lowpass"}
+    assert doubtful_effects([("delay",)]) == set()
 
 
 @pytest.mark.parametrize(
-    ("coarseness", "share", "said"),
+    ("gap", "share", "verdict"),
     [(0.03, 0.08, "unknown"), (0.06, 0.03, "effect"), (0.5, 0.3, "effect"), (0.9, 0.5, "unknown")],
 )
-def test_the_finer_a_coarse_gap_is_the_more_of_it_must_be_explained(coarseness, share, said):
-    best = SimpleNamespace(effects=("dry_friction",), criterion=0.0)
-    gap = left(1e-30, 800.0, 200.0)
-    rest = left(1e-9, 1000 * share, 0)
-    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=gap, best_left=rest)
-    roughly = Thresholds().roughly(coarseness)
-    assert verdict.conclude(found, where(800.0, 200.0), where(1000 * share, 0.0), roughly).verdict == said
+def test_of_a_smaller_gap_more_must_be_explained(gap, share, verdict):
+    relaxed = DiagnosisSettings().relaxed(gap)
+    assert Finding(("dry_friction",), True, 1e-9, 0.01, share).verdict(relaxed) == verdict
 
 
-def test_a_gap_that_no_effect_comes_near_is_told_by_what_shows_it():
-    best = SimpleNamespace(effects=(), criterion=0.0)
-    line = Clue("highest frequency", 90.0, 2.0, 1e-9, np.array([8.0, 10.0]), 37.5)
-    hum = Remaining((line,), 1e-9)
-    found = SimpleNamespace(best=best, explanations=(best,), screened=(), left=hum, best_left=hum)
-    concluded = verdict.conclude(found, where(8.0, 10.0), where(8.0, 10.0), Thresholds())
-    assert concluded.sentence == (
-        "None of the known effects explains the gap: a line of 37.5 Hz in all tests together "
-        "(3 N root mean square, p = 1e-09)."
+def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():
+    line = ResidualTest("highest frequency", 90.0, 2.0, 1e-9, np.array([8.0, 10.0]), 37.5)
+    found = SimpleNamespace(best_residuals=Residuals((line,), 1e-9))
+    assert unexplained(found, "N") == ": a line of 37.5 Hz in all tests together (3 N root mean square, p = 1e-09)"
+
+
+def test_sentences_say_what_is_left():
+    assert nearest(["payne"], 0.0) == "; the nearest, payne, leaves a pattern of little power"
+    assert nearest(["drift", "payne"], 0.3) == "; the nearest, drift with payne, leaves 30 % of it"
+    assert (
+        cause(["dry friction"], ["drift"], 0.0)
+        == "Dry friction causes the gap; these data cannot distinguish it from drift."
+    )
+    assert cause(["delay", "drift"], [], 0.05) == (
+        "Several effects cause the gap: delay and drift. 5 % of its squares are left that no known effect explains."
     )

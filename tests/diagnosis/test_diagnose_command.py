@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from damper_rig import damper_campaign
 
-from mofit.campaign_file import write_campaign
 from mofit.cli import main
+from mofit.data import write_campaign
 
 FRICTION = (("dry_friction", (("F_d", 30.0),)),)
 OWN = """
-from mofit.model import Applied, Effect
+from mofit.models import Applied, Effect
 from mofit.parameters import Parameter
 
 
@@ -43,12 +43,12 @@ def test_command_prints_json_and_writes_a_page(campaign_file: Path, tmp_path: Pa
     for name in ("dry_friction", "delay", "cubic_stiffness", str(own)):
         arguments += ["--effects", name]
     assert main([*arguments, "--out", str(out)]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["verdict"] == "effect"
-    assert [effect["name"] for effect in told["effects"]] == ["dry_friction"]
-    assert "own_effect" in {one["name"] for one in told["candidates"]}
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdict"] == "effect"
+    assert [effect["name"] for effect in found["effects"]] == ["dry_friction"]
+    assert "own_effect" in {one["name"] for one in found["candidates"]}
     page = (out / "diagnosis.html").read_text()
-    assert page.index("The gap is caused by dry friction") < page.index('id="where"') < page.index('id="which"')
+    assert page.index("Dry friction (Dahl) causes the gap") < page.index('id="where"') < page.index('id="which"')
     assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "effect"
     # the folder is there now

@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from damper_rig import WORKSHOP, damper_fit
+from damper_rig import SIMULATORS, damper_fit
 
-from mofit.calibration import calibrate
-from mofit.diagnosis.cause import causes, recalibrated
+from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.steps import RUNAWAY, with_enough_steps
-from mofit.library import find_effect, find_model
-from mofit.objectives import GaussianPrior
+from mofit.diagnosis.integration import DIVERGED, with_enough_steps
+from mofit.diagnosis.settings import IntegrationSettings
+from mofit.identification.calibration import calibrate
+from mofit.models import find_effect, find_model
 from mofit.parameters import ParameterSpace
-from mofit.simulate import plan as plans
-from mofit.simulate import run_plan
+from mofit.problem import GaussianPrior
+from mofit.simulation.virtual_rig import plan as plans
+from mofit.simulation.virtual_rig.rig import run_plan
 
 CONDITIONS = {"longitudinal_velocity": 16.7}
 
@@ -23,7 +24,7 @@ def with_friction() -> tuple[Hypothesis, np.ndarray]:
     """The damper with friction, and a point."""
     fitted = damper_fit()
     observed = fitted.hypothesis.observed
-    found = causes(find_effect("dry_friction"), observed.problem.space, (), WORKSHOP)
+    found = observed.stages.discrepancies(find_effect("dry_friction"))
     return hypothesis(observed, found[:1]), np.concatenate([fitted.minimum.point, [0.05, 0.6]])
 
 
@@ -49,30 +50,38 @@ class Stiff:
         return Stiff(steps)
 
 
-def test_runaway_integrations_do_not_count_as_converged() -> None:
+def test_divergent_integrations_do_not_count_as_converged() -> None:
     simulator, rows = with_enough_steps(
         Stiff(),
-        lambda at: np.full(3, RUNAWAY if at.steps < 8 else 1 + 1e-6 / at.steps),
+        lambda at: np.full(3, DIVERGED if at.steps < 8 else 1 + 1e-6 / at.steps),
         lambda coarse, fine: float(np.max(np.abs(fine - coarse))),
         1e-3,
+        IntegrationSettings(),
     )
     assert simulator.steps == 8
     assert rows == pytest.approx(1.0, abs=1e-6)
 
 
-def test_steps_are_fine_enough_for_the_slopes_too(monkeypatch) -> None:
-    """Slopes of a stiff friction can run away where its force does not."""
+class DivergentDerivatives:
+    """A simulator of which the derivatives diverge below sixteen steps."""
+
+    def __init__(self, simulator) -> None:
+        self.simulator, self.steps = simulator, simulator.steps
+
+    def with_steps(self, steps: int) -> "DivergentDerivatives":
+        return DivergentDerivatives(self.simulator.with_steps(steps))
+
+    def sensitivities(self, values):
+        factor = 1.0 if self.steps >= 16 else DIVERGED
+        return [(output, factor * slopes) for output, slopes in self.simulator.sensitivities(values)]
+
+
+def test_steps_are_fine_enough_for_the_derivatives_too() -> None:
+    """Derivatives of a sharp friction can diverge where its force does not."""
     model, point = with_friction()
-    simulator = type(model.simulator)
-    whole = simulator.sensitivities
-
-    def wild_below_sixteen(self, values):
-        factor = 1.0 if self.steps >= 16 else RUNAWAY
-        return [(output, factor * slopes) for output, slopes in whole(self, values)]
-
-    assert model.at_steps_for(point[None]).simulator.steps < 16
-    monkeypatch.setattr(simulator, "sensitivities", wild_below_sixteen)
-    assert model.at_steps_for(point[None]).simulator.steps == 16
+    assert model.at_steps_for(point[None]).steps < 16
+    divergent = replace(model, simulator=DivergentDerivatives(model.simulator))
+    assert divergent.at_steps_for(point[None]).steps == 16
 
 
 def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
@@ -85,12 +94,9 @@ def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
     assert np.isfinite(hessian).all()
 
 
-def test_slopes_too_large_to_square_make_a_point_unusable_without_a_word(monkeypatch) -> None:
-    model = damper_fit().hypothesis
-    point = damper_fit().minimum.point[None]
-    usual = model.linear(point)
-    monkeypatch.setattr(Hypothesis, "linear", lambda self, u: replace(usual, jacobian=1e200 * usual.jacobian))
-    value, _, hessian = model.evaluate(point)
+def test_derivatives_too_large_to_square_make_a_point_unusable_without_a_warning() -> None:
+    usual = damper_fit().hypothesis.linear(damper_fit().minimum.point[None])
+    value, _, hessian = replace(usual, jacobian=1e200 * usual.jacobian).normal_equations()
     assert np.isfinite(value).all()
     assert not np.isfinite(hessian).all()
 
@@ -106,42 +112,43 @@ def calibration_campaign(offset: float):
     )
 
 
-def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_foreseen() -> None:
+def test_an_effect_in_the_calibration_tests_moves_their_estimates_as_predicted() -> None:
     model = find_model("maxwell_tyre")
     space = ParameterSpace(model.parameters)
     offset = 2e-4
     with_, without = (calibrate(model, calibration_campaign(a), space, seed=0, jobs=1)[0] for a in (offset, 0.0))
     effect = find_effect("slip_offset")
-    _, everywhere = causes(effect, space, with_, WORKSHOP)
+    stages = CalibrationStages(space, with_, SIMULATORS)
+    _, everywhere = stages.discrepancies(effect)
     names = with_[0].problem.space.names
     place = [space.index(name) for name in names]
     moved = with_[0].minimum - without[0].minimum
-    np.testing.assert_allclose(everywhere.carried[place, 0] * offset, moved, rtol=0.1)
-    # looked at with the offset itself, the stage finds what it had found without one
-    again = recalibrated(everywhere, {"alpha_0": offset}, space, with_, WORKSHOP)
-    np.testing.assert_allclose(again.moved[place], -moved, rtol=1e-2)
+    np.testing.assert_allclose(everywhere.sensitivity[place, 0] * offset, moved, rtol=0.1)
+    # fitted with the offset itself, the stage finds what it had found without one
+    again = stages.recalibrated(everywhere, {"alpha_0": offset})
+    np.testing.assert_allclose(again.shift[place], -moved, rtol=1e-2)
     # from afar, too
     afar = {"alpha_0": offset, "s_M": 4 * with_[0].values["s_M"]}
-    np.testing.assert_allclose(recalibrated(everywhere, afar, space, with_, WORKSHOP).moved, again.moved, atol=1e-6)
-    # and with none, what it found: nothing is left of where it was looked at before
-    far = recalibrated(everywhere, {"alpha_0": 20 * offset}, space, with_, WORKSHOP)
-    assert not np.any(recalibrated(far, {"alpha_0": 0.0}, space, with_, WORKSHOP).moved)
+    np.testing.assert_allclose(stages.recalibrated(everywhere, afar).shift, again.shift, atol=1e-6)
+    # and with none, what it found: nothing is left of the fit before
+    far = stages.recalibrated(everywhere, {"alpha_0": 20 * offset})
+    assert not np.any(stages.recalibrated(far, {"alpha_0": 0.0}).shift)
     # steered past a right angle these tests cannot be fitted
-    assert recalibrated(everywhere, {"alpha_0": np.pi / 2}, space, with_, WORKSHOP) is everywhere
+    assert stages.recalibrated(everywhere, {"alpha_0": np.pi / 2}) is everywhere
 
 
 def test_the_prior_follows_an_effect_of_the_calibration_tests() -> None:
-    """R (mean - u) is the same whether an effect moved the estimates by b a, or the estimates moved by themselves."""
+    """R (mean - u) is the same whether an effect moved the estimates by B a, or the estimates moved by themselves."""
     fitted = damper_fit()
-    observed, space = fitted.hypothesis.observed, fitted.hypothesis.space
+    observed = fitted.hypothesis.observed
     prior = GaussianPrior(("c", "d"), np.array([0.3, 0.6]), np.array([[100.0, 20.0], [20.0, 50.0]]))
     known = replace(observed, problem=replace(observed.problem, prior=prior))
-    cause = causes(find_effect("force_gain"), space, (), WORKSHOP)[0]
-    carried = np.array([[0.4], [0.0], [-0.2], [0.0]])
-    model = hypothesis(known, [replace(cause, carried=carried)])
+    gain_error = observed.stages.discrepancies(find_effect("force_gain"))[0]
+    sensitivity = np.array([[0.4], [0.0], [-0.2], [0.0]])
+    model = hypothesis(known, [replace(gain_error, sensitivity=sensitivity)])
     rows, mean = model.prior_rows
     gain = 0.05
     point = np.full(len(model.space), 0.5)
     point[-1] = model.space.subset(["g_F"]).to_unit([gain])[0]
-    offset = np.array([0.3, 0.6]) - 0.5 - gain * carried[[0, 2], 0]
+    offset = np.array([0.3, 0.6]) - 0.5 - gain * sensitivity[[0, 2], 0]
     assert np.sum((rows @ (mean - point)) ** 2) == pytest.approx(offset @ prior.precision @ offset)

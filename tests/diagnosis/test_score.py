@@ -2,16 +2,16 @@
 
 import numpy as np
 import pytest
-from damper_rig import damper_fit
+from damper_rig import damper_campaign, damper_fit
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2, norm
 
 from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
-from mofit.diagnosis.projection import project
+from mofit.diagnosis.fitting import project
 from mofit.diagnosis.refit import refit
-from mofit.diagnosis.screen import _chance, holm, screen
-from mofit.library import find_effect, find_model
+from mofit.diagnosis.score_test import holm, score_tests, supremum_p_value
+from mofit.models import find_effect, find_model
 
 EFFECTS = (("cubic_stiffness", (("k_c", 2e6),)),)
 
@@ -31,33 +31,32 @@ def test_projection_is_orthogonal_to_the_parameters(fitted) -> None:
 
 
 def test_statistic_and_size_are_those_of_the_refit(fitted) -> None:
-    """Cubic stiffness is linear in its size: the score test must foresee the fit exactly."""
+    """Cubic stiffness is linear in its size: the score test must predict the fit exactly."""
     candidate = prepare(fitted, find_effect("cubic_stiffness"))
-    (found,) = screen(fitted, [candidate])
-    better = refit(fitted, [found])
+    (found,) = score_tests(fitted, [candidate])
+    better = refit(fitted, found)
     assert better is not None
     drop = fitted.residual @ fitted.residual - better.residual @ better.residual
     assert found.statistic == pytest.approx(drop, rel=0.01)
     assert found.size[0] == pytest.approx(better.values["k_c"], rel=0.01)
     assert found.size[0] == pytest.approx(2e6, abs=4 * found.size_sd[0])
     moved = np.array(list(fitted.values.values())) - np.array([better.values[name] for name in fitted.values])
-    space = fitted.hypothesis.space
-    expected = found.bias * space.slope(space.from_unit(fitted.minimum.point))
+    expected = found.bias * fitted.derivative
     np.testing.assert_allclose(moved, expected, rtol=0.05, atol=1e-3 * np.abs(expected).max())
 
 
 def test_an_offset_that_the_model_has_is_absorbed(fitted) -> None:
-    (found,) = screen(fitted, [prepare(fitted, find_effect("force_offset"))])
-    assert found.absorbed > 0.999
-    assert found.p == 1.0 or found.statistic < 1e-3 or not np.isfinite(found.size_sd[0])
+    (found,) = score_tests(fitted, [prepare(fitted, find_effect("force_offset"))])
+    assert found.confounding > 0.999
+    assert found.p_value == 1.0 or found.statistic < 1e-3 or not np.isfinite(found.size_sd[0])
 
 
-def test_the_wrong_sign_says_nothing(fitted) -> None:
+def test_the_wrong_sign_is_no_evidence(fitted) -> None:
     candidate = prepare(fitted, find_effect("dry_friction"))
-    turned = Candidate(candidate.causes, -candidate.slopes, candidate.steps)
-    right, wrong = screen(fitted, [candidate])[0], screen(fitted, [turned])[0]
+    turned = Candidate(candidate.discrepancies, -candidate.sensitivities, candidate.steps)
+    right, wrong = score_tests(fitted, [candidate])[0], score_tests(fitted, [turned])[0]
     assert min(right.statistic, wrong.statistic) == 0.0
-    assert max(right.p, wrong.p) == 1.0
+    assert max(right.p_value, wrong.p_value) == 1.0
 
 
 def test_holm_by_hand() -> None:
@@ -66,27 +65,25 @@ def test_holm_by_hand() -> None:
 
 
 @given(st.floats(0.1, 40.0))
-def test_chance_of_one_point_is_chi_square(statistic: float) -> None:
+def test_p_value_of_one_point_is_chi_square(statistic: float) -> None:
     direction = [np.array([[1.0], [0.0]])]
-    assert _chance(statistic, 1, (0,), direction, 1e9) == pytest.approx(chi2.sf(statistic, 1), rel=1e-6)
-    assert _chance(statistic, 1, (1,), direction, 1e9) == pytest.approx(norm.sf(np.sqrt(statistic)), rel=1e-6)
+    assert supremum_p_value(statistic, (0,), direction, 1e9) == pytest.approx(chi2.sf(statistic, 1), rel=1e-6)
+    assert supremum_p_value(statistic, (1,), direction, 1e9) == pytest.approx(norm.sf(np.sqrt(statistic)), rel=1e-6)
 
 
-def test_chance_over_a_grid_holds_its_level(rng: np.random.Generator) -> None:
+def test_p_value_over_a_grid_holds_its_level(rng: np.random.Generator) -> None:
     """The supremum over directions that turn by a right angle, by simulation."""
     angles = np.linspace(0, np.pi / 2, 7)
     paths = [np.array([[np.cos(a)], [np.sin(a)]]) for a in angles]
     largest = np.max(np.concatenate(paths, axis=1).T @ rng.standard_normal((2, 400_000)), axis=0)
     for level in (4.0, 9.0):
         chance = np.mean(largest > np.sqrt(level))
-        bound = _chance(level, 1, (1,), paths, 1e9)
+        bound = supremum_p_value(level, (1,), paths, 1e9)
         assert chance * 0.9 <= bound <= 1.5 * chance
 
 
 def test_effects_that_do_not_fit_are_left_out_with_a_reason() -> None:
     model = find_model("kelvin_voigt_damper")
-    from damper_rig import damper_campaign
-
     chosen, left_out = choose_effects(model, damper_campaign())
     names = {effect.name for effect in chosen}
     assert {"dry_friction", "delay", "cubic_stiffness"} <= names

@@ -1,19 +1,22 @@
-"""White rows: unit variance, generalised least squares, and back again."""
+"""Whitened rows, the classes of their lines, and interference: sinusoids of one frequency in all tests."""
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mofit.diagnosis.lines import CLASSES, classify, orders
-from mofit.diagnosis.whitening import whitening
-from mofit.signals import Record
+from mofit.data.signals import SignalAnalysis
+from mofit.diagnosis.periodic_disturbances import interference_lines
+from mofit.diagnosis.settings import SpectralSettings
+from mofit.diagnosis.spectral_classes import CLASS_INDEX, SPECTRAL_CLASSES, Lines, classify, rotational_orders
+from mofit.diagnosis.whitening import Whitening, whitening
 
 STEP, PERIOD = 0.01, 0.5
+SETTINGS = SpectralSettings()
 COUNT = 2000
 
 
-def record(period: float | None = PERIOD) -> Record:
-    return Record(period, 0, 0.0, 0.0, {}, "", {})
+def record(period: float | None = PERIOD) -> SignalAnalysis:
+    return SignalAnalysis(period, 0, 0.0, 0.0, {}, "", {})
 
 
 def noise_of(kind: str, rng: np.random.Generator) -> np.ndarray:
@@ -28,7 +31,7 @@ def signal() -> np.ndarray:
 
 
 def white_of(values: np.ndarray, period: float | None = PERIOD, sd: float = 3.0):
-    return whitening(values, np.ones(COUNT, dtype=bool), STEP, record(period), sd)
+    return whitening(values, np.ones(COUNT, dtype=bool), STEP, record(period), sd, SETTINGS.fewest_periods)
 
 
 @pytest.mark.parametrize("kind", ["white", "coloured"])
@@ -45,8 +48,8 @@ def test_rows_of_noise_have_unit_variance(kind: str, rng: np.random.Generator) -
 def test_a_hum_is_no_noise(rng: np.random.Generator) -> None:
     noise = noise_of("white", rng)
     hum = 3.0 * np.sin(2 * np.pi * 7.3 * np.arange(COUNT) * STEP)
-    quiet, loud = white_of(signal() + noise), white_of(signal() + noise + hum)
-    assert np.median(loud.process.spectrum) == pytest.approx(np.median(quiet.process.spectrum), rel=0.06)
+    without, with_hum = white_of(signal() + noise), white_of(signal() + noise + hum)
+    assert np.median(with_hum.process.spectrum) == pytest.approx(np.median(without.process.spectrum), rel=0.06)
 
 
 def test_rows_are_those_of_least_squares_and_can_be_turned_back(rng: np.random.Generator) -> None:
@@ -64,11 +67,16 @@ def test_batches_are_the_rows_one_by_one(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(rows[2, :, 1], w.rows(values[2, :, 1:])[:, 0], atol=1e-12)
 
 
+def lines_of(w: Whitening, orders: dict[str, float], excitation: np.ndarray) -> Lines:
+    return Lines(w, orders, excitation, np.zeros(len(w.frequencies), dtype=bool), SETTINGS)
+
+
 def test_lines_know_their_class(rng: np.random.Generator) -> None:
     w = white_of(signal() + noise_of("white", rng))
-    kinds = classify(w, {"wheel": 8.7}, signal())
+    kinds = classify(lines_of(w, {"wheel": 8.7}, signal()))
     named = {
-        f: CLASSES[kinds[np.argmin(np.abs(w.frequencies - f))]] for f in (0, 0.5, 1, 2, 3, 4, 6, 8.7, 6.7, 7.3, 22)
+        f: SPECTRAL_CLASSES[kinds[np.argmin(np.abs(w.frequencies - f))]].name
+        for f in (0, 0.5, 1, 2, 3, 4, 6, 8.7, 6.7, 7.3, 22)
     }
     assert named == {
         0: "dc", 0.5: "slow", 1: "subharmonic", 2: "odd", 3: "subharmonic", 4: "even", 6: "odd", 8.7: "rotating",
@@ -80,16 +88,58 @@ def test_a_chirp_excites_its_band(rng: np.random.Generator) -> None:
     time = np.arange(COUNT) * STEP
     chirp = np.sin(2 * np.pi * (0.5 * time + 0.1 * time**2))  # 0.5 to 4.5 Hz
     w = white_of(chirp + noise_of("white", rng), None)
-    kinds = classify(w, {}, chirp)
-    excited = w.frequencies[kinds == CLASSES.index("excited")]
+    kinds = classify(lines_of(w, {}, chirp))
+    excited = w.frequencies[kinds == CLASS_INDEX["excited"]]
     assert excited.min() < 0.1
     assert 6 < excited.max() < 14
 
 
 def test_orders_at_sixty_kilometres_per_hour() -> None:
-    from mofit.bundled import bundled_campaign
-    from mofit.campaign_file import read_campaign
+    from mofit.data import bundled_campaign, read_campaign
 
-    found = orders(read_campaign(bundled_campaign()).measurements[-1])
+    found = rotational_orders(read_campaign(bundled_campaign()).measurements[-1], SETTINGS)
     assert found["wheel"] == pytest.approx(8.70, abs=0.01)
     assert found["drum"] == pytest.approx(4.35, abs=0.01)
+
+
+#: some periods are no whole number of samples: the excitation leaks onto other lines
+SINES = (0.5, 1.0, 2.0, 3.0, 3.5)
+
+
+def sines_with(
+    hum: float, rng: np.random.Generator, colour: float = 0.0, at: float = 7.3
+) -> tuple[list[Whitening], list[np.ndarray], list[np.ndarray]]:
+    """Five sines of 1000 in noise of 20, and a sinusoid common to all."""
+    records, rows, free = [], [], []
+    for frequency in SINES:
+        time = STEP * np.arange(round(max(8 / frequency, 8) / STEP))
+        noise = 20 * np.sqrt(1 - colour**2) * lfilter([1.0], [1.0, -colour], rng.standard_normal(len(time)))
+        values = 1000 * np.sin(2 * np.pi * frequency * time) + noise
+        values += hum * np.sin(2 * np.pi * at * time + rng.uniform(0, 6))
+        w = whitening(values, np.ones(len(time), dtype=bool), STEP, record(1 / frequency), 20, SETTINGS.fewest_periods)
+        records.append(w)
+        rows.append(w.noise_rows(values[:, None])[:, 0])
+        free.append(~w.harmonic)
+    return records, rows, free
+
+
+def test_a_hum_too_weak_for_one_test_is_found_in_five(rng: np.random.Generator) -> None:
+    records, rows, free = sines_with(4.0, rng)
+    found = interference_lines(records, rows, free, SETTINGS)
+    for w, lines in zip(records, found, strict=True):
+        assert np.abs(w.frequencies[lines] - 7.3).max() < 2 / (w.count * w.step)
+        assert lines.sum() >= 2
+    alone = [interference_lines([w], [r], [f], SETTINGS)[0].any() for w, r, f in zip(records, rows, free, strict=True)]
+    assert not any(alone)
+
+
+def test_a_hum_on_a_harmonic_of_most_tests_is_found_in_the_others(rng: np.random.Generator) -> None:
+    """7 Hz is a harmonic of three of the five: what they hold there may be anything."""
+    found = interference_lines(*sines_with(5.0, rng, at=7.0), SETTINGS)
+    assert all(lines.any() for f, lines in zip(SINES, found, strict=True) if f in (2.0, 3.0))
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_noise_has_no_interference(colour: float, rng: np.random.Generator) -> None:
+    for _ in range(2):
+        assert not any(lines.any() for lines in interference_lines(*sines_with(0.0, rng, colour), SETTINGS))

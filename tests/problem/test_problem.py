@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mofit.campaign import Campaign, Measurement, Procedure
+from mofit.data import Campaign, Experiment, Measurement
 from mofit.errors import InputError
-from mofit.joint import JointProblem
-from mofit.model import Channel, Condition, Equations, Model
-from mofit.objectives import GaussianPrior
+from mofit.models import Channel, Condition, Equations, Model
 from mofit.parameters import Parameter, ParameterSpace
-from mofit.problem import build_problem
+from mofit.problem import GaussianPrior, JointProblem, build_problem
 
 
 class Lag(Model):
@@ -25,7 +23,7 @@ class Lag(Model):
     conditions = (Condition("bias", "1", 0.0),)
 
     def equations(self, s):
-        return Equations(outputs={"response": s.y + s.bias}, rates={"y": (s.k * s.u - s.y) / s.T})
+        return Equations(outputs={"response": s.y + s.bias}, derivatives={"y": (s.k * s.u - s.y) / s.T})
 
 
 class Gain(Model):
@@ -53,7 +51,7 @@ def measurement(frequency, gain=2.0, lag=0.15, noise=0.0, seed=0, kind="sine"):
     u = np.sin(2 * np.pi * frequency * time)
     y = lag_response(time, gain, lag, frequency) + noise * np.random.default_rng(seed).normal(size=len(time))
     return Measurement(
-        Procedure(f"test_{frequency:g}", kind, time, {"u": u}, {}, frequency, 1.0),
+        Experiment(f"test_{frequency:g}", kind, time, {"u": u}, {}, frequency, 1.0),
         {"response": y},
         {"u": "1", "response": "1"},
     )
@@ -76,18 +74,18 @@ def test_objective_at_the_truth_is_the_noise(problem):
 
 
 def test_first_period_is_not_judged(problem):
-    for drive, record in zip(problem.drives, problem.records, strict=True):
-        first = np.argmax(drive.weights[:, 0] > 0) * drive.step
-        assert first == pytest.approx(max(record.period, record.transient), abs=2 * drive.step)
+    for experiment, record in zip(problem.experiments, problem.signals, strict=True):
+        first = np.argmax(experiment.weights[:, 0] > 0) * experiment.step
+        assert first == pytest.approx(max(record.period, record.transient), abs=2 * experiment.step)
 
 
 def test_a_record_just_short_of_whole_periods_loses_none():
     whole = measurement(0.5)
     cut = 5  # of 200 samples a period
-    procedure = replace(whole.procedure, time=whole.time[:-cut], inputs={"u": whole.channel("u")[:-cut]})
-    short = replace(whole, procedure=procedure, outputs={"response": whole.channel("response")[:-cut]})
-    (drive,) = build_problem(Lag(), Campaign("lag", "simulated", {}, (short,))).drives
-    assert np.count_nonzero(drive.weights) == pytest.approx(5 * 200, abs=1)
+    experiment = replace(whole.experiment, time=whole.time[:-cut], inputs={"u": whole.channel("u")[:-cut]})
+    short = replace(whole, experiment=experiment, outputs={"response": whole.channel("response")[:-cut]})
+    (experiment,) = build_problem(Lag(), Campaign("lag", "simulated", {}, (short,))).experiments
+    assert np.count_nonzero(experiment.weights) == pytest.approx(5 * 200, abs=1)
 
 
 def test_gradient_matches_differences(problem):
@@ -166,11 +164,11 @@ def test_every_missing_channel_and_condition_is_named():
 
     with pytest.raises(InputError) as caught:
         build_problem(Needy(), Campaign("lag", "simulated", {}, (measurement(0.5), measurement(1.5))))
-    faults = caught.value.faults
-    assert len(faults) == 4
-    assert {fault.where for fault in faults} == {"test 'test_0.5'", "test 'test_1.5'"}
-    assert any("'load'" in fault.what for fault in faults)
-    assert any("'speed'" in fault.what for fault in faults)
+    issues = caught.value.issues
+    assert len(issues) == 4
+    assert {issue.where for issue in issues} == {"test 'test_0.5'", "test 'test_1.5'"}
+    assert any("'load'" in issue.message for issue in issues)
+    assert any("'speed'" in issue.message for issue in issues)
 
 
 def test_derivative_of_a_channel_is_supplied(campaign):
@@ -184,9 +182,9 @@ def test_derivative_of_a_channel_is_supplied(campaign):
             return Equations(outputs={"response": s.d * s.rate})
 
     problem = build_problem(Dashpot(), campaign)
-    drive, time = problem.drives[0], problem.measurements[0].time
+    experiment, time = problem.experiments[0], problem.measurements[0].time
     exact = np.pi * np.cos(np.pi * time)
-    assert drive.inputs[20:-20, 1] == pytest.approx(exact[20:-20], abs=2e-3 * np.pi)
+    assert experiment.inputs[20:-20, 1] == pytest.approx(exact[20:-20], abs=2e-3 * np.pi)
 
 
 def test_a_failing_simulation_is_nan_and_minus_infinity(campaign):
@@ -194,7 +192,7 @@ def test_a_failing_simulation_is_nan_and_minus_infinity(campaign):
         name = "exploding"
 
         def equations(self, s):
-            return Equations(outputs={"response": s.y}, rates={"y": 1e3 * s.k * (1 + s.y**2)})
+            return Equations(outputs={"response": s.y}, derivatives={"y": 1e3 * s.k * (1 + s.y**2)})
 
     problem = build_problem(Exploding(), campaign)
     u = np.array([[0.5, 0.5]])

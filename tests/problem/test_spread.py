@@ -5,37 +5,37 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mofit.bundled import bundled_campaign
-from mofit.calibration import calibrate, calibrated_values
-from mofit.campaign_file import read_campaign
-from mofit.few_steps import in_few_steps
-from mofit.library import find_model
-from mofit.one_period import in_one_period
-from mofit.posing import choose_tests, dynamic_problem
-from mofit.refine import merge, refine
-from mofit.score import score
-from mofit.settings import Settings, free_space
-from mofit.spread import spread_problem, spread_problems
+from mofit.data import bundled_campaign, read_campaign
+from mofit.identification.problem_setup import set_up_problem
+from mofit.identification.settings import Settings
+from mofit.models import find_model
+from mofit.optimize import merge, refine
+from mofit.problem import adjusted_posterior
+from mofit.problem.local_model import coarse_steps, fold_periods, star
 
 
 @pytest.fixture(scope="module")
 def fitted():
     """The bundled campaign's sine tests with steady state and spring held, and their minimum."""
     campaign, model, settings = read_campaign(bundled_campaign()), find_model("maxwell_tyre"), Settings(jobs=1)
-    space = free_space(model, settings)
-    calibrations, _ = calibrate(model, campaign, space, seed=0, jobs=1)
-    assert set(calibrated_values(calibrations)) >= {"c_y", "p_y"}
-    selected = campaign.select(choose_tests(model, campaign, ()))
-    problem = dynamic_problem(model, selected, space, calibrations, settings)
+    setup = set_up_problem(model, campaign, settings)
+    assert {name for calibration in setup.calibrations for name in calibration.values} >= {"c_y", "p_y"}
+    problem = setup.searched
     point = merge(refine(problem.evaluate, problem.space.to_unit(problem.space.nominal)[None]))[0].point
     problem = problem.with_noise_at(point)
     return problem, merge(refine(problem.evaluate, point[None]))[0].point
 
 
-@pytest.mark.parametrize("number", [0, 1], ids=["with gap", "noise alone"])
-def test_derivatives(fitted, number):
+def folded(problem, point, sd, periods=None):
+    """Simulator and tests cut to one period that stands for all, around a point."""
+    periods = periods or [analysis.period for analysis in problem.signals]
+    return fold_periods(problem.simulator, problem.experiments, periods, problem.layout.full(star(point, sd)))
+
+
+@pytest.mark.parametrize("with_gap", [True, False], ids=["with gap", "noise alone"])
+def test_derivatives(fitted, with_gap):
     problem, point = fitted
-    wide = spread_problems(problem, point)[number]
+    wide = adjusted_posterior(problem, point, with_gap=with_gap)
     u = point + 0.002 * np.array([[1.0, -1.0, 0.5], [-0.5, 0.3, 1.0]])
     value, gradient, hessian = wide.evaluate(u)
     np.testing.assert_allclose(value, -wide.log_posterior(u), rtol=1e-12)
@@ -48,16 +48,18 @@ def test_derivatives(fitted, number):
 
 def test_hidden_spectrum_is_a_gap_that_widens_the_posterior(fitted):
     problem, point = fitted
-    wide, narrow = (np.sqrt(np.diag(np.linalg.inv(own.hessian))) for own in spread_problems(problem, point))
+    adjusted = adjusted_posterior(problem, point)
+    wide, narrow = (np.sqrt(np.diag(np.linalg.inv(own))) for own in (adjusted.hessian, adjusted.noise_hessian))
     assert np.all(wide > 2 * narrow)
-    found = score(problem, point)
+    np.testing.assert_array_equal(adjusted.noise_hessian, adjusted_posterior(problem, point, with_gap=False).hessian)
+    found = problem.score(point)
     assert found.gap_squares[0] > 0
     assert found.gap_freedom == 2 * len(problem.tests) - 3
 
 
 def test_log_posterior_is_the_problems_own_at_the_minimum(fitted):
     problem, point = fitted
-    wide = spread_problem(problem, point)
+    wide = adjusted_posterior(problem, point)
     assert wide.log_posterior(point[None]) == pytest.approx(problem.log_posterior(point[None]))
     assert wide.log_posterior(np.full((1, 3), 1.5))[0] == -np.inf
 
@@ -65,12 +67,12 @@ def test_log_posterior_is_the_problems_own_at_the_minimum(fitted):
 def test_few_steps_say_what_many_do(fitted):
     """Coarse integration, made right at the minimum, gives the same posterior around it."""
     problem, point = fitted
-    covariance = np.linalg.inv(spread_problem(problem, point).hessian)
+    covariance = np.linalg.inv(adjusted_posterior(problem, point).hessian)
     sd = np.sqrt(np.diag(covariance))
-    wide = spread_problem(problem.near(point[None], sd), point)
-    quick = wide.around(point, sd)
+    wide = adjusted_posterior(problem.near(point[None], sd), point)
+    quick = wide.local(point, sd)
     many, few = (own.problem.simulator.rules for own in (wide, quick))
-    assert max(rule.rungs[0].steps for rule in few) < max(rule.rungs[0].steps for rule in many)
+    assert max(rule.levels[0].steps for rule in few) < max(rule.levels[0].steps for rule in many)
     u = np.clip(np.random.default_rng(2).multivariate_normal(point, 2 * covariance, 40), 0, 1)
     np.testing.assert_allclose(quick.log_posterior(u), wide.log_posterior(u), atol=0.02)
     assert quick.log_posterior(point[None])[0] == pytest.approx(wide.log_posterior(point[None])[0], abs=1e-9)
@@ -79,14 +81,15 @@ def test_few_steps_say_what_many_do(fitted):
 def test_one_period_says_what_all_do(fitted):
     """Folded data give the same squares but for a constant, from a fraction of the samples; transients stay."""
     problem, point = fitted
-    sd = np.sqrt(np.diag(np.linalg.inv(spread_problem(problem, point).hessian)))
+    sd = np.sqrt(np.diag(np.linalg.inv(adjusted_posterior(problem, point).hessian)))
     near = problem.near(point[None], sd)
-    cut = in_one_period(near, point, sd)
-    assert sum(drive.samples for drive in cut.drives) < 0.5 * sum(drive.samples for drive in near.drives)
-    for own, whole in zip(cut.drives, near.drives, strict=True):
+    simulator, experiments = folded(near, point, sd)
+    assert sum(own.samples for own in experiments) < 0.5 * sum(own.samples for own in near.experiments)
+    for own, whole in zip(experiments, near.experiments, strict=True):
         assert own.samples * own.step > 2 / 4  # the first judged period of the quickest sine is never settled
         np.testing.assert_allclose(own.weights.sum(), whole.weights.sum())
     u = point + sd * np.random.default_rng(3).uniform(-2, 2, (20, 3))
+    cut = replace(near, simulator=simulator, experiments=experiments)
     change = [own.squares(u) - own.squares(point[None]) for own in (cut, near)]
     np.testing.assert_allclose(change[0], change[1], rtol=1e-3)
 
@@ -94,18 +97,16 @@ def test_one_period_says_what_all_do(fitted):
 def test_a_response_that_never_repeats_is_kept_whole(fitted):
     problem, point = fitted
     near = problem.near(point[None], np.full(3, 0.01))
-    records = tuple(replace(record, period=None) for record in near.records)
-    kept = in_one_period(replace(near, records=records), point, np.full(3, 0.01))
-    assert kept.drives == near.drives
-    # one whose samples never meet the same phase again
-    records = tuple(replace(record, period=record.period * 1.01234) for record in near.records)
-    kept = in_one_period(replace(near, records=records), point, np.full(3, 0.01))
-    assert kept.drives == near.drives
+    # without a period, or with one whose samples never meet the same phase again
+    for periods in ([None] * len(near.tests), [1.01234 * analysis.period for analysis in near.signals]):
+        _, kept = folded(near, point, np.full(3, 0.01), periods)
+        assert kept == near.experiments
 
 
-def test_few_steps_are_refused_where_their_fault_varies(fitted):
+def test_few_steps_are_refused_where_their_defect_varies(fitted):
     problem, point = fitted
-    values = problem.full(point[None])[0]
+    values = problem.layout.full(point[None])[0]
     box = np.sort([0.9 * values, 1.1 * values], axis=0)
-    strict = replace(problem, simulator=problem.simulator.within((box[0], box[1]), 1e-8))
-    assert in_few_steps(strict, point, np.full(3, 0.02)) is strict
+    strict = problem.simulator.within((box[0], box[1]), 1e-8)
+    around = problem.layout.full(star(point, np.full(3, 0.02)))
+    assert coarse_steps(strict, problem.experiments, around) == (strict, problem.experiments)

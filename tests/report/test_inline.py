@@ -10,9 +10,8 @@ import result_trees
 import synthetic_rigs
 
 from mofit.errors import InputError
-from mofit.report import write_report
-from mofit.report.inline import Page, report_page
-from mofit.result import write_result
+from mofit.report import Page, report_page, write_report
+from mofit.results import write_result
 
 VOID = {"base", "br", "hr", "img", "input", "link", "meta"}
 
@@ -75,7 +74,7 @@ def test_quotes_and_ampersands_survive():
 
 
 def test_a_missing_run_or_an_unknown_page_is_one_clear_error(tree, tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="there is no file"):
         report_page(tmp_path)
-    with pytest.raises(InputError, match="Say one of report, uncertainty"):
+    with pytest.raises(InputError, match="Use one of report, uncertainty"):
         report_page(tree, "diagnosis")

@@ -13,8 +13,8 @@ from mofit import plots
 from mofit.errors import InputError
 
 TREE = result_trees.make_result(synthetic_rigs.tyre(), steps=20)
-TEST = next(name for name, kind in zip(TREE["test"].values, TREE["kind"].values, strict=True) if kind == "sine")
-FREE = [str(name) for name in TREE["clusters/c1"]["parameter"].values]
+TEST = next(name for name, kind in zip(TREE["test"].values, TREE["excitation"].values, strict=True) if kind == "sine")
+FREE = [str(name) for name in TREE["modes/m1"]["parameter"].values]
 #: plot of one axes -> arguments, and what its axes are labelled
 PLOTS = {
     plots.loop: ((TEST,), ("slip angle (°)", "lateral force (kN)")),
@@ -67,16 +67,16 @@ def test_the_loop_shows_what_was_measured():
     ax = plots.loop(TREE, TEST)
     observed = 1e-3 * TREE["observed_data"][TEST].values
     assert set(np.round(ax.lines[0].get_ydata(), 9)) <= set(np.round(observed, 9))
-    assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == ["measured", "model, c1"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == ["measured", "model, m1"]
 
 
 @pytest.mark.parametrize(
     ("plot", "arguments", "what"),
     [
         (plots.loop, (TEST[:-1] + "x",), f"test .*{TEST}"),
-        (plots.trace, (TEST, "c7"), "solution 'c7'"),
+        (plots.trace, (TEST, "m7"), "mode 'm7'"),
         (plots.marginal, (FREE[0] + "x",), f"parameter .*{FREE[0]}"),
-        (plots.corner, ("c0",), "solution 'c0'"),
+        (plots.corner, ("m0",), "mode 'm0'"),
         (plots.search, (FREE[0], "y"), "parameter 'y'"),
     ],
 )

@@ -8,8 +8,7 @@ import pytest
 import result_trees
 import synthetic_rigs
 
-from mofit.report import write_report
-from mofit.report.inline import Page
+from mofit.report import Page, write_report
 
 CHROMIUM = next(
     (p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome") if Path(p).exists()), ""

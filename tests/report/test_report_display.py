@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from markupsafe import Markup
 
-from mofit.report.build import plain
-from mofit.report.display import compact, display_unit, listed, math_symbol, number, percent, symbol, with_sd
+from mofit.report.toolkit.formatting import compact, display_unit, listed, math_symbol, number, percent, symbol, with_sd
+from mofit.report.toolkit.page import plain
 
 
 def read(text: str) -> float:

@@ -13,14 +13,14 @@ from matplotlib.figure import Figure
 
 from mofit.report.convergence import extract_traces
 from mofit.report.corner import draw_corner, extract_corner, tick_texts
-from mofit.report.error_per_test import draw_errors, extract_errors
+from mofit.report.errors import draw_errors, extract_errors
 from mofit.report.front import extract_front
+from mofit.report.leverage import draw_leverage, extract_leverage
+from mofit.report.marginals import extract_marginals
 from mofit.report.overlay import Overlay, extract_overlays
-from mofit.report.per_frequency import extract_per_test
-from mofit.report.posterior import correlation, extract_marginals, open_directions
-from mofit.report.pull import draw_pull, extract_pull
-from mofit.report.run import Cluster, Run
-from mofit.report.search_map import extract_search, pairs
+from mofit.report.per_test import extract_per_test
+from mofit.report.run import Mode, Run
+from mofit.report.search import extract_search, pairs
 from mofit.report.spectrum import extract_spectra
 
 
@@ -29,71 +29,34 @@ def run() -> Run:
     return Run(result_trees.make_result(synthetic_rigs.crowded(4), steps=40))
 
 
-def replaced(run: Run, draws: np.ndarray) -> Cluster:
-    """The first cluster with other draws, shape (chain, draw, parameter)."""
-    node = run.tree["clusters/c1"].copy(deep=True)
-    names = run.clusters[0].parameters
+def replaced(run: Run, draws: np.ndarray) -> Mode:
+    """The best mode with other draws, shape (chain, draw, parameter)."""
+    node = run.tree["modes/m1"].copy(deep=True)
+    names = run.best.parameters
     node["posterior"] = xr.DataTree(
         xr.Dataset({name: (("chain", "draw"), draws[..., k]) for k, name in enumerate(names)})
     )
-    return Cluster("c1", 0, node)
+    return Mode("m1", 0, node)
 
 
 def box_draws(run: Run, unit: np.ndarray) -> np.ndarray:
-    names = run.clusters[0].parameters
-    lower, upper = run.of_parameters("lower", names), run.of_parameters("upper", names)
-    log = run.is_log(names)
-    return np.where(
-        log, np.maximum(lower, 1e-300) * (upper / np.maximum(lower, 1e-300)) ** unit, lower + unit * (upper - lower)
-    )
-
-
-def test_place_in_the_box_is_the_inverse_of_the_map(run) -> None:
-    unit = np.random.default_rng(1).uniform(size=(50, 4))
-    np.testing.assert_allclose(run.to_unit(box_draws(run, unit), run.clusters[0].parameters), unit, atol=1e-12)
-
-
-def test_correlation_of_known_draws(run) -> None:
-    rng = np.random.default_rng(2)
-    normal = rng.normal(size=(4, 20_000, 4))
-    normal[..., 1] = -0.9 * normal[..., 0] + np.sqrt(1 - 0.81) * normal[..., 1]
-    cluster = replaced(run, box_draws(run, 0.5 + 0.02 * normal))
-    matrix = correlation(run, cluster)
-    assert matrix[0, 1] == pytest.approx(-0.9, abs=0.01)
-    assert abs(matrix[2, 3]) < 0.02
-    assert open_directions(run, cluster) == []
-
-
-def test_an_open_direction_is_found_with_its_signs(run) -> None:
-    rng = np.random.default_rng(3)
-    along = rng.uniform(-0.5, 0.5, size=(4, 5000))
-    unit = 0.5 + 0.01 * rng.normal(size=(4, 5000, 4))
-    unit[..., 0] += along
-    unit[..., 3] -= along
-    (direction,) = open_directions(run, replaced(run, box_draws(run, np.clip(unit, 0, 1))))
-    assert set(direction.weights) == {run.clusters[0].parameters[0], run.clusters[0].parameters[3]}
-    first, second = direction.weights.values()
-    assert first > 0 > second
-    assert direction.spread == pytest.approx(np.sqrt(2), rel=0.03)
-
-
-def test_a_prior_as_posterior_is_open_everywhere(run) -> None:
-    unit = np.random.default_rng(4).uniform(size=(4, 5000, 4))
-    spreads = [direction.spread for direction in open_directions(run, replaced(run, box_draws(run, unit)))]
-    np.testing.assert_allclose(spreads, 1.0, atol=0.05)
+    return run.space(run.best.parameters).from_unit(unit)
 
 
 def test_marginals_cover_the_draws_and_stay_in_the_box(run) -> None:
     for marginal in extract_marginals(run):
-        assert marginal.lower <= marginal.edges[0] < marginal.edges[-1] <= marginal.upper
-        assert max(heights.max() for heights in marginal.heights.values()) == 1.0
-        for low, high in marginal.prior_place.values():
+        own = run.space([marginal.parameter])
+        assert own.lower[0] <= marginal.edges[0] < marginal.edges[-1] <= own.upper[0]
+        for name, density in marginal.density.items():
+            width = np.diff(own.to_unit(marginal.edges[:, None])[:, 0])
+            assert 0.99 <= np.sum(density * width) <= 1.0 + 1e-12
+            low, high = marginal.place[name]
             assert 0 <= low < high <= 1
 
 
 def test_corner_quantiles_and_its_picture(run) -> None:
-    corner = extract_corner(run, run.clusters[0])
-    draws = run.clusters[0].draws.reshape(-1, 4)
+    corner = extract_corner(run, run.best)
+    draws = run.best.flat_draws
     np.testing.assert_allclose(corner.quantiles[1], np.median(draws, axis=0))
     axes = draw_corner(corner, "#0072B2", Figure().add_subplot())
     texts = [text.get_text() for text in axes.texts]
@@ -150,7 +113,7 @@ def test_search_is_ordered_with_the_best_last_and_without_failures(run) -> None:
     assert np.isfinite(found.nrmsd).all()
     assert (np.diff(found.nrmsd) <= 0).all()
     assert len(found.points) == np.isfinite(run.tree["search/nrmsd"].values).all(axis=1).sum()
-    assert len(found.stored) == run.tree["search"].sizes["stored"]
+    assert len(found.archived) == run.tree["search"].sizes["archive"]
 
 
 def test_parameters_held_during_the_search_are_left_out_of_its_maps(run) -> None:
@@ -164,9 +127,9 @@ def test_parameters_held_during_the_search_are_left_out_of_its_maps(run) -> None
 
 def test_traces_of_thinned_chains_have_no_gaps(run) -> None:
     tree = run.tree.copy(deep=True)
-    stats = tree["clusters/c1/sample_stats"]
+    stats = tree["modes/m1/sample_stats"]
     stats.dataset = stats.to_dataset().assign(step=stats.dataset["step"] * 7)
-    traces = extract_traces(Run(tree).clusters[0])
+    traces = extract_traces(Run(tree).best)
     assert np.isfinite(traces.middle).all()
     np.testing.assert_array_equal(traces.step, np.arange(40) * 7)
 
@@ -180,8 +143,8 @@ def test_front_lies_in_the_box(run) -> None:
 def test_minima_per_test_drop_tests_without_any() -> None:
     run = Run(result_trees.make_result(synthetic_rigs.tyre(), steps=20))
     found = extract_per_test(run)
-    assert found.tests == [test for test, kind in zip(run.tests, run.kinds, strict=True) if kind == "sine"]
-    np.testing.assert_array_equal(found.joint, run.clusters[0].array("value"))
+    assert found.tests == [test for test, kind in zip(run.tests, run.excitations, strict=True) if kind == "sine"]
+    np.testing.assert_array_equal(found.joint[:, 0], run.best.array("value"))
     assert found.value.shape == (9, 3, 3)
 
 
@@ -189,30 +152,25 @@ def test_errors_are_drawn_in_per_cent_over_frequency(run) -> None:
     errors = extract_errors(run)
     axes = draw_errors(errors, np.isfinite(errors.frequency), True, Figure().add_subplot())
     best = axes.lines[-1]
-    np.testing.assert_allclose(best.get_ydata(), 100 * errors.models["c1"][np.argsort(errors.frequency)])
+    np.testing.assert_allclose(best.get_ydata(), 100 * errors.models["m1"][np.argsort(errors.frequency)])
     assert axes.get_xscale() == "log"
 
 
 def test_dropped_samples_are_not_shown(run) -> None:
-    for overlay in extract_overlays(run, run.clusters[0]):
+    for overlay in extract_overlays(run, run.best):
+        low, high = overlay.quantiles
         assert overlay.time[0] >= overlay.period - 1e-9
-        assert overlay.measured.size == overlay.simulated.size == overlay.low.size == overlay.input.size
-        assert (overlay.low <= overlay.high).all()
+        assert overlay.measured.size == overlay.simulated.size == low.size == overlay.input.size
+        assert (low <= high).all()
+        assert overlay.last(1).draws.shape[1] == overlay.last(1).time.size
 
 
-def overlay(kind: str, time: np.ndarray, measured: np.ndarray, simulated: np.ndarray, **more) -> Overlay:
+def overlay(excitation: str, time: np.ndarray, measured: np.ndarray, simulated: np.ndarray, **more) -> Overlay:
     empty = np.empty(0)
-    settings = {
-        "period": np.nan,
-        "noise_sd": 1.0,
-        "input": empty,
-        "baseline": empty,
-        "low": empty,
-        "high": empty,
-    } | more
+    settings = {"period": np.nan, "noise_sd": 1.0, "input": empty, "baseline": empty, "draws": np.empty((0, 0))} | more
     return Overlay(
-        test="t", kind=kind, input_name="", input_unit="1", output_name="y", output_unit="N",
-        time=time, measured=measured, simulated=simulated, **settings,
+        test="t", excitation=excitation, frequency=np.nan, noise_floor=0.0, input_name="", input_unit="1",
+        output_name="y", output_unit="N", time=time, measured=measured, simulated=simulated, **settings,
     )  # fmt: skip
 
 
@@ -229,7 +187,7 @@ def test_spectrum_of_a_sine_and_of_white_noise() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "period", "periods", "samples"),
+    ("excitation", "period", "periods", "samples"),
     [
         ("sine", 0.5, 2, 101),
         ("sine", 0.5, 1, 51),
@@ -238,9 +196,9 @@ def test_spectrum_of_a_sine_and_of_white_noise() -> None:
         ("free", 0.5, 2, 400),
     ],
 )
-def test_the_part_of_a_record_that_is_drawn(kind, period, periods, samples) -> None:
+def test_the_part_of_a_record_that_is_drawn(excitation, period, periods, samples) -> None:
     time = np.arange(1000) / 100.0
-    part = overlay(kind, time, time, time, period=period).last(periods)
+    part = overlay(excitation, time, time, time, period=period).last(periods)
     assert part.time.size == part.measured.size == samples
     assert part.time[-1] == time[-1]
 
@@ -254,11 +212,11 @@ def test_a_run_out_at_the_end_is_not_taken_for_a_period() -> None:
 
 
 def test_traces_are_quantiles_over_the_walkers_of_a_step(run) -> None:
-    cluster = run.clusters[0]
-    traces = extract_traces(cluster)
+    mode = run.best
+    traces = extract_traces(mode)
     assert traces.middle.shape == (4, 40, 4)
-    steps = run.tree["clusters/c1/sample_stats/step"].values
-    draws = cluster.draws[2][steps[2] == 7]
+    steps = run.tree["modes/m1/sample_stats/step"].values
+    draws = mode.draws[2][steps[2] == 7]
     assert (np.sort(draws, axis=0)[[0, -1]][0] <= traces.low[2, 7]).all()
     np.testing.assert_array_equal(traces.middle[2, 7], np.sort(draws, axis=0)[round(0.5 * (len(draws) - 1))])
 
@@ -277,22 +235,22 @@ def test_traces_are_quantiles_over_the_walkers_of_a_step(run) -> None:
     ],
 )
 def test_grades(run, verdict, contraction, bound, grade) -> None:
-    node = run.tree["clusters/c1"].copy(deep=True)
+    node = run.tree["modes/m1"].copy(deep=True)
     values = {"verdict": verdict, "contraction": contraction, "at_bound": bound}
     node.dataset = node.to_dataset().assign({name: ("parameter", [value] * 4) for name, value in values.items()})
-    assert Cluster("c1", 0, node).grades == [grade] * 4
+    assert Mode("m1", 0, node).grades == [grade] * 4
 
 
-def test_pull_shows_the_direction_that_lessens_the_error(run) -> None:
+def test_leverage_shows_the_direction_that_lessens_the_error(run) -> None:
     tree = run.tree.copy()
-    best = run.clusters[0]
-    assert extract_pull(Run(tree)) is None
+    best = run.best
+    assert extract_leverage(Run(tree)) is None
     change = np.zeros((len(run.tests), len(best.parameters)))
     change[0, 1], change[1, 0] = 0.08, -0.04
-    node = tree["clusters/c1"]
-    node.dataset = node.to_dataset().assign(pull=(("test", "parameter"), change))
-    pull = extract_pull(Run(tree))
-    assert pull is not None
-    axes = draw_pull(pull, Figure().add_subplot())
+    node = tree["modes/m1"]
+    node.dataset = node.to_dataset().assign(leverage=(("test", "parameter"), change))
+    leverage = extract_leverage(Run(tree))
+    assert leverage is not None
+    axes = draw_leverage(leverage, Figure().add_subplot())
     written = {tuple(text.get_position()): text.get_text()[0] for text in axes.texts}
     assert written == {(0, 1): "↓", (1, 0): "↑"}

@@ -12,9 +12,9 @@ import synthetic_rigs
 
 from mofit.errors import InputError
 from mofit.report import DATA_FOLDER, REPORT_FILE, build_report, write_report
-from mofit.result import write_result
+from mofit.results import write_result
 
-ALWAYS = {"summary", "parameters", "errors", "overlay", "posterior", "convergence", "making", "method"}
+ALWAYS = {"summary", "parameters", "errors", "signals", "posterior", "convergence", "provenance", "method"}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def data(folder, name: str) -> dict:
 
 def test_a_full_run_has_every_section(tyre) -> None:
     _, folder, page = tyre
-    assert section_ids(page) == ALWAYS | {"search", "per_frequency", "calibration"}
+    assert section_ids(page) == ALWAYS | {"search", "per_test", "calibration"}
     assert sorted(p.name for p in folder.iterdir()) == [REPORT_FILE, DATA_FOLDER, "result.nc"]
     assert {p.stem for p in (folder / DATA_FOLDER).iterdir()} == section_ids(page) - {"method"}
 
@@ -67,25 +67,25 @@ def test_every_figure_has_words_for_it(tyre) -> None:
 def test_numbers_behind_the_page_are_those_of_the_tree(tyre) -> None:
     tree, folder, _ = tyre
     errors = data(folder, "errors")["errors"]
-    np.testing.assert_array_equal(errors["models"]["c2"], tree["clusters/c2/nrmsd"].values)
+    np.testing.assert_array_equal(errors["models"]["m2"], tree["modes/m2/nrmsd"].values)
     np.testing.assert_array_equal(errors["baseline"], tree["baseline/nrmsd"].values)
     assert errors["frequency"][:3] == [None, None, None]
-    rows = data(folder, "parameters")["clusters"]["c1"]
+    rows = data(folder, "parameters")["modes"]["m1"]
     assert [row["parameter"] for row in rows] == ["d_y", "c_M", "d_M"]
     for name in ("value", "sd", "q05", "q95"):
-        np.testing.assert_array_equal([row[name] for row in rows], tree[f"clusters/c1/{name}"].values)
+        np.testing.assert_array_equal([row[name] for row in rows], tree[f"modes/m1/{name}"].values)
     stages = data(folder, "calibration")["stages"]
-    assert [stage["name"] for stage in stages] == ["steady_state", "spring"]
+    assert [stage["name"] for stage in stages] == ["steady state", "spring"]
     np.testing.assert_array_equal(stages[1]["measured"], tree["calibration/spring/measured"].values)
 
 
 def test_traces_are_the_last_periods_of_what_counted(tyre) -> None:
     tree, folder, _ = tyre
-    trace = next(t for t in data(folder, "overlay")["traces"] if t["test"] == "sine_2Hz")
+    trace = next(t for t in data(folder, "signals")["traces"] if t["test"] == "sine_2Hz")
     measured = tree["observed_data/sine_2Hz"].values
     np.testing.assert_array_equal(trace["measured"], measured[-101:])
-    loop = next(t for t in data(folder, "overlay")["loops"]["c2"] if t["test"] == "sine_2Hz")
-    np.testing.assert_array_equal(loop["simulated"], tree["clusters/c2/prediction/sine_2Hz"].values[-51:])
+    loop = next(t for t in data(folder, "signals")["loops"]["m2"] if t["test"] == "sine_2Hz")
+    np.testing.assert_array_equal(loop["simulated"], tree["modes/m2/prediction/sine_2Hz"].values[-51:])
 
 
 def test_headline_of_a_good_run(tyre) -> None:
@@ -94,8 +94,8 @@ def test_headline_of_a_good_run(tyre) -> None:
     assert 'class="banner bad"' not in page
     headline = data(folder, "summary")["headline"]
     assert headline["plausible"] == 2
-    assert headline["nrmsd"] == pytest.approx(float(tree["clusters/c1/nrmsd"].mean()))
-    assert headline["unpinned"] == []
+    assert headline["nrmsd"] == pytest.approx(float(tree["modes/m1/nrmsd"].mean()))
+    assert headline["not_identified"] == []
 
 
 def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
@@ -108,10 +108,11 @@ def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
 
 def test_a_parameter_that_the_data_leave_open_is_named(tmp_path) -> None:
     report(tmp_path, result_trees.make_result(synthetic_rigs.crowded(6), steps=40))
-    assert data(tmp_path, "summary")["headline"]["unpinned"] == ["extra_1"]
-    directions = data(tmp_path, "posterior")["clusters"]["c1"]["open_directions"]
-    assert [list(direction["weights"]) for direction in directions] == [["extra_1"]]
-    assert "extra_1</span> is left open" in (tmp_path / REPORT_FILE).read_text(encoding="utf-8")
+    assert data(tmp_path, "summary")["headline"]["not_identified"] == ["extra_1"]
+    directions = data(tmp_path, "posterior")["modes"]["m1"]["directions"]
+    wide = [direction for direction in directions if direction["width"] > 0.5]
+    assert [[change["parameter"] for change in direction["changes"]] for direction in wide] == [["extra_1"]]
+    assert "<b>Not identifiable:</b> <span>extra_1</span>" in (tmp_path / REPORT_FILE).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("rig", [synthetic_rigs.tyre, synthetic_rigs.damper, synthetic_rigs.oscillator])
@@ -122,7 +123,7 @@ def test_missing_groups_leave_their_sections_out(tmp_path, rig) -> None:
 
 def test_a_run_without_samples_still_has_a_report(tmp_path) -> None:
     tree = result_trees.make_result(synthetic_rigs.damper(), clusters=1, optional=False, converged=False, steps=20)
-    cluster = tree["clusters/c1"]
+    cluster = tree["modes/m1"]
     for name in ("posterior", "sample_stats", "log_likelihood", "posterior_predictive"):
         del cluster[name]
     for name in ("mean", "sd", "q05", "q50", "q95", "ess", "r_hat", "tau", "contraction", "verdict"):
@@ -135,14 +136,14 @@ def test_few_and_many(tmp_path, parameters, clusters) -> None:
     tree = result_trees.make_result(synthetic_rigs.crowded(parameters), clusters=clusters, steps=20)
     page = report(tmp_path, tree)
     assert len(page.encode()) < 10e6
-    assert len(data(tmp_path, "parameters")["clusters"]) == clusters
-    assert ("Drawn are the 4 best solutions" in page) == (clusters > 4)
+    assert len(data(tmp_path, "parameters")["modes"]) == clusters
+    assert ("The figures show the 4 best modes" in page) == (clusters > 4)
 
 
 def test_broadband_tests_get_spectra_instead_of_loops(tmp_path) -> None:
     page = report(tmp_path, result_trees.make_result(synthetic_rigs.oscillator(), clusters=1, steps=20))
-    overlay = data(tmp_path, "overlay")
-    assert overlay["loops"]["c1"] == []
+    overlay = data(tmp_path, "signals")
+    assert overlay["loops"]["m1"] == []
     assert [s["test"] for s in overlay["spectra"]] == ["multisine_1", "multisine_2"]
     assert len(overlay["traces"][0]["time"]) == 400
     assert "Amplitude spectrum" in page
@@ -163,6 +164,6 @@ def test_numbers_of_an_earlier_report_do_not_linger(tmp_path) -> None:
 
 
 def test_without_a_result_nothing_is_written(tmp_path) -> None:
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="there is no file"):
         build_report(tmp_path)
     assert list(tmp_path.iterdir()) == []

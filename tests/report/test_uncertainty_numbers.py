@@ -12,16 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from mofit.report.parameter_table import Estimate
-from mofit.report.per_frequency import extract_per_test
-from mofit.report.run import Cluster, Run
-from mofit.report.uncertainty.directions import principal_directions, strong_pairs, words
-from mofit.report.uncertainty.frequency import extract_errors, extract_fundamental, lines
-from mofit.report.uncertainty.heterogeneity import cochran, extract_homogeneity
-from mofit.report.uncertainty.heterogeneity import words as homogeneity_words
-from mofit.report.uncertainty.marginals import PROFILE_RISE, extract_marginals, profile_interval
-from mofit.report.uncertainty.predictive import extract_predictions
-from mofit.report.uncertainty.table import extract_lines, sentence
+from mofit.report.directions import correlation, direction_texts, directions_of, strong_pairs
+from mofit.report.estimates import Estimate
+from mofit.report.per_test import extract_per_test
+from mofit.report.run import Mode, Run
+from mofit.report.uncertainty.fundamental import extract_errors, extract_fundamental, lines
+from mofit.report.uncertainty.homogeneity import extract_homogeneity
+from mofit.report.uncertainty.loops import predictions
+from mofit.report.uncertainty.marginals import PROFILE_RISE, extract_comparisons, profile_interval
+from mofit.report.uncertainty.table import extract_rows, sentence
+from mofit.results import cochran
 
 
 @pytest.fixture(scope="module")
@@ -34,38 +34,40 @@ def tyre() -> Run:
     return Run(result_trees.make_result(synthetic_rigs.tyre(), steps=40))
 
 
-def with_draws(run: Run, unit: np.ndarray) -> Cluster:
-    """The first cluster with draws at these places of the box, (chain, draw, parameter), and their mean and sd."""
-    names = run.clusters[0].parameters
-    values = run.from_unit(unit, names)
-    node = run.tree["clusters/c1"].copy(deep=True)
+def with_draws(run: Run, unit: np.ndarray) -> Mode:
+    """The best mode with draws at these places of the box, (chain, draw, parameter), and their mean and sd."""
+    names = run.best.parameters
+    values = run.space(names).from_unit(unit)
+    node = run.tree["modes/m1"].copy(deep=True)
     node["posterior"] = xr.DataTree(xr.Dataset({n: (("chain", "draw"), values[..., k]) for k, n in enumerate(names)}))
     flat = values.reshape(-1, len(names))
     node.dataset = node.to_dataset().assign(mean=("parameter", flat.mean(axis=0)), sd=("parameter", flat.std(axis=0)))
-    return Cluster("c1", 0, node)
+    return Mode("m1", 0, node)
 
 
 def test_the_table_shows_what_arviz_says(run) -> None:
-    for cluster in run.clusters:
-        table = arviz_stats.summary(cluster.node["posterior"].to_dataset(), round_to="none", ci_kind="eti", ci_prob=0.9)
+    for mode in run.modes:
+        table = arviz_stats.summary(mode.node["posterior"].to_dataset(), round_to="none", ci_kind="eti", ci_prob=0.9)
         low, high = sorted((c for c in table.columns if c.startswith("eti")), key=lambda c: table[c].iloc[0])
-        for line, (name, row) in zip(extract_lines(run, cluster), table.iterrows(), strict=True):
-            e = line.estimate
+        for shown_row, (name, row) in zip(extract_rows(run, mode), table.iterrows(), strict=True):
+            e = shown_row.estimate
             assert e.parameter == name
             shown, expected = [e.mean, e.sd, e.q05, e.q95], [row["mean"], row["sd"], row[low], row[high]]
             np.testing.assert_allclose(shown, expected, rtol=1e-9)
 
 
-def test_box_and_values_are_inverse(run) -> None:
-    unit = np.random.default_rng(1).uniform(size=(30, 4))
-    names = run.clusters[0].parameters
-    np.testing.assert_allclose(run.to_unit(run.from_unit(unit, names), names), unit, atol=1e-12)
+def test_the_space_of_a_run_is_that_of_its_parameters(run) -> None:
+    space = run.space(["v_0", "c"])
+    assert space.names == ("v_0", "c")
+    assert [parameter.scale for parameter in space.parameters] == ["log", "linear"]
+    assert space.units == (run.unit("v_0"), run.unit("c"))
 
 
 def estimate(**changes) -> Estimate:
     values = {
-        "cluster": "c1", "parameter": "d_M", "unit": "N s/m", "value": 100.0, "mean": 100.0, "sd": 2.0, "q05": 96.7,
-        "q50": 100.0, "q95": 103.3, "contraction": 0.98, "at_bound": 0, "verdict": "identified", "grade": "good",
+        "mode": "m1", "parameter": "d_M", "unit": "N s/m", "value": 100.0, "mean": 100.0, "sd": 2.0, "q05": 96.7,
+        "q50": 100.0, "q95": 103.3, "noise_sd": 1.0, "contraction": 0.98, "at_bound": 0, "verdict": "identified",
+        "grade": "good",
     }  # fmt: skip
     return Estimate(**(values | changes))
 
@@ -73,16 +75,16 @@ def estimate(**changes) -> Estimate:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({}, "known to ± 2.0"),
+        ({}, "identified to ± 2.0"),
         ({"mean": 1.0, "value": 1.0}, "zero is not excluded"),
-        ({"verdict": "lower limit only"}, "the data give a lower limit only: above 96.7"),
-        ({"verdict": "upper limit only"}, "the data give an upper limit only: below 103.3"),
-        ({"verdict": "not identifiable", "contraction": 0.02}, "not moved from the prior"),
+        ({"verdict": "lower limit only"}, "only a lower limit: above 96.7"),
+        ({"verdict": "upper limit only"}, "only an upper limit: below 103.3"),
+        ({"verdict": "not identifiable", "contraction": 0.02}, "the posterior equals the prior"),
         ({"verdict": "not identifiable", "contraction": 0.3}, "reaches both bounds"),
-        ({"verdict": "weakly identified", "contraction": 0.4}, "a range, not a value; still 60"),
+        ({"verdict": "weakly identified", "contraction": 0.4}, "a range, not a value, 60"),
         ({"at_bound": 1}, "at its upper bound"),
         ({"at_bound": -1}, "at its lower bound"),
-        ({"value": 103.0}, "its mean lies 1.5 sd from the refined minimum"),
+        ({"value": 103.0}, "its mean is 1.5 sd from the MAP estimate"),
         ({"sd": np.nan, "verdict": ""}, "not sampled"),
     ],
 )
@@ -92,7 +94,9 @@ def test_sentences(changes, expected) -> None:
     assert expected in text
 
 
-@pytest.mark.parametrize(("earlier", "expected"), [(2.0, "not moved from what"), (4.0, "50"), (1.0, "wider than")])
+@pytest.mark.parametrize(
+    ("earlier", "expected"), [(2.0, "the other tests add nothing"), (4.0, "50"), (1.0, "2.0× that of")]
+)
 def test_a_sentence_tells_what_the_calibration_stage_knew(earlier, expected) -> None:
     assert expected in sentence(estimate(), [], earlier)
 
@@ -103,11 +107,11 @@ def test_a_flat_direction_is_named_in_physical_terms(run) -> None:
     unit = 0.5 + 0.01 * rng.normal(size=(4, 5000, 4))
     unit[..., 0] += along
     unit[..., 2] -= along
-    cluster = with_draws(run, unit)
-    first, *others = principal_directions(run, cluster)
+    mode = with_draws(run, unit)
+    first, *others = directions_of(run, mode)
     assert first.flat
     assert not any(direction.flat for direction in others)
-    assert first.spread == pytest.approx(0.7 * np.sqrt(2), rel=0.02)
+    assert first.width == pytest.approx(0.7 * np.sqrt(2), rel=0.02)
     # c runs from 0 to 5000 N/m around 2500: a standard deviation of 0.7/sqrt(12) of the box is 0.404 of its value;
     # v_0 is searched by its logarithm over 1e-4 to 1
     change = {c.parameter: c for c in first.changes}
@@ -116,42 +120,53 @@ def test_a_flat_direction_is_named_in_physical_terms(run) -> None:
     assert change["c"].absolute == pytest.approx(up * 0.7 / np.sqrt(12) * 5000, rel=0.02)
     assert change["c"].relative == pytest.approx(up * 0.404, rel=0.03)
     assert change["v_0"].relative == pytest.approx(1e4 ** (-up * 0.7 / np.sqrt(12)) - 1, rel=0.06)
-    (pair,) = strong_pairs(run, cluster)
+    (pair,) = strong_pairs(run, mode)
     assert (pair.first, pair.second) == ("c", "v_0")
     assert pair.correlation < -0.99
-    (text,) = words([first, *others])
-    assert text.startswith("<b>Flat:</b>")
-    assert "trade against each other (correlation −1.0" in pair.text
+    (text,) = direction_texts([first, *others])
+    assert text.startswith("<b>Not identifiable:</b>")
+    assert "compensate each other (correlation −1.0" in pair.text
+
+
+def test_correlation_and_directions_of_known_draws(run) -> None:
+    rng = np.random.default_rng(2)
+    normal = rng.normal(size=(4, 20_000, 4))
+    normal[..., 1] = -0.9 * normal[..., 0] + np.sqrt(1 - 0.81) * normal[..., 1]
+    matrix = correlation(run, with_draws(run, 0.5 + 0.02 * normal))
+    assert matrix[0, 1] == pytest.approx(-0.9, abs=0.01)
+    assert abs(matrix[2, 3]) < 0.02
+    prior = with_draws(run, rng.uniform(size=(4, 5000, 4)))
+    np.testing.assert_allclose([d.width for d in directions_of(run, prior)], 1.0, atol=0.05)
 
 
 def test_a_narrow_posterior_has_no_flat_direction(run) -> None:
     unit = 0.5 + 0.01 * np.random.default_rng(4).normal(size=(4, 5000, 4))
-    cluster = with_draws(run, unit)
-    found = principal_directions(run, cluster)
-    np.testing.assert_allclose([d.spread for d in found], 0.01 * np.sqrt(12), rtol=0.05)
-    assert "No direction is flat" in words(found)[0]
+    mode = with_draws(run, unit)
+    found = directions_of(run, mode)
+    np.testing.assert_allclose([d.width for d in found], 0.01 * np.sqrt(12), rtol=0.05)
+    assert "identify every direction" in direction_texts(found)[0]
 
 
 def test_the_ratio_of_a_pair_is_the_slope_of_its_ridge(run) -> None:
     rng = np.random.default_rng(5)
-    names = run.clusters[0].parameters
+    space = run.space(run.best.parameters)
     unit = 0.5 + 0.001 * rng.normal(size=(4, 5000, 4))
     t = 0.02 * rng.normal(size=(4, 5000))
-    values = run.from_unit(unit, names)
+    values = space.from_unit(unit)
     values[..., 0] *= 1 + t
     values[..., 1] *= 1 - 3 * t
-    (pair,) = strong_pairs(run, with_draws(run, run.to_unit(values, names)))
+    (pair,) = strong_pairs(run, with_draws(run, space.to_unit(values)))
     assert pair.ratio == pytest.approx(-3, rel=0.02)
 
 
 def test_marginal_density_is_relative_to_the_prior(run) -> None:
     unit = np.random.default_rng(6).uniform(size=(4, 20_000, 4))
-    cluster = with_draws(run, unit)
-    for marginal in extract_marginals(run, cluster):
-        np.testing.assert_allclose(marginal.heights, 1.0, atol=0.12)
-        assert marginal.log == (marginal.parameter == "v_0")
-        assert marginal.profile_value.size == 0
-        assert np.isnan(marginal.profile).all()
+    mode = with_draws(run, unit)
+    for found in extract_comparisons(run, mode):
+        np.testing.assert_allclose(found.marginal.density["m1"], 1.0, atol=0.12)
+        assert found.marginal.log == (found.marginal.parameter == "v_0")
+        assert found.profile_value.size == 0
+        assert np.isnan(found.profile).all()
 
 
 def test_profile_interval_of_a_parabola_and_of_an_open_one() -> None:
@@ -166,20 +181,20 @@ def test_profile_interval_of_a_parabola_and_of_an_open_one() -> None:
 def test_the_profile_of_the_tree_is_shown_in_its_unit(run) -> None:
     tree = run.tree.copy(deep=True)
     place = np.linspace(0.4, 0.6, 5)
-    names = run.clusters[0].parameters
-    value = np.stack([run.from_unit(place[:, None], [name])[:, 0] for name in names])
+    names = run.best.parameters
+    value = np.stack([run.space([name]).from_unit(place[:, None])[:, 0] for name in names])
     nll = np.tile(0.5 * ((place - 0.5) / 0.03) ** 2, (4, 1))
     nll[1, 0] = np.nan
     dims = ("parameter", "point")
-    tree["clusters/c1/profile"] = xr.DataTree(
-        xr.Dataset({"value": (dims, value), "nll": (dims, nll)}, {"parameter": names})
+    tree["modes/m1/profile"] = xr.DataTree(
+        xr.Dataset({"value": (dims, value), "neg_log_posterior": (dims, nll)}, {"parameter": names})
     )
-    found = extract_marginals(Run(tree), Run(tree).clusters[0])
+    found = extract_comparisons(Run(tree), Run(tree).best)
     np.testing.assert_array_equal(found[0].profile_value, value[0])
     np.testing.assert_array_equal(found[1].profile_value, value[1, 1:])
     assert found[2].profile[0] < value[2, 2] < found[2].profile[1]
-    assert found[0].edges[0] <= value[0, 0]
-    assert found[0].edges[-1] >= value[0, -1]
+    assert found[0].marginal.edges[0] <= value[0, 0]
+    assert found[0].marginal.edges[-1] >= value[0, -1]
 
 
 def test_cochran_by_hand() -> None:
@@ -214,7 +229,7 @@ def test_estimates_at_a_bound_or_as_wide_as_the_box_are_left_out(tyre) -> None:
     tree = tyre.tree.copy(deep=True)
     node = tree["per_frequency"]
     value, sd = node.dataset["value"].copy(deep=True), node.dataset["sd"].copy(deep=True)
-    sine = [k for k, kind in enumerate(tyre.kinds) if kind == "sine"]
+    sine = [k for k, kind in enumerate(tyre.excitations) if kind == "sine"]
     truth = np.array([281.0, 19_910.0, 7_535.0])
     value[sine, 0] = truth * 1.05 ** np.array([1.0, -1, 0.5, -0.5, 0, 0.3, -0.3, 0.1, -0.1])[:, None]
     sd[sine, 0] = 0.1 * truth
@@ -232,11 +247,11 @@ def test_estimates_at_a_bound_or_as_wide_as_the_box_are_left_out(tyre) -> None:
     assert first.drift == pytest.approx(1.0)
     assert third.pooled == pytest.approx(truth[2], rel=0.02)
     assert third.pooled_sd == pytest.approx(0.1 * truth[2] / np.sqrt(8), rel=0.1)
-    text = homogeneity_words(first)
-    assert "disagree beyond their spread" in text
+    text = first.text
+    assert "disagree beyond their standard deviations" in text
     assert "rise with frequency" in text
     assert "at a bound: sine_0.25Hz" in text
-    assert "about as wide as the box: sine_1Hz" in homogeneity_words(third)
+    assert "about as wide as the prior box: sine_1Hz" in third.text
 
 
 def test_amplitude_and_phase_of_a_sine() -> None:
@@ -248,30 +263,29 @@ def test_amplitude_and_phase_of_a_sine() -> None:
 
 
 def test_fundamental_is_that_of_the_tyres_stiffness(tyre) -> None:
-    predictions = extract_predictions(tyre, tyre.clusters[0])
-    found = extract_fundamental(predictions)
-    assert found.tests == [test for test, kind in zip(tyre.tests, tyre.kinds, strict=True) if kind == "sine"]
+    found_tests = predictions(tyre)
+    found = extract_fundamental(found_tests)
+    assert found.tests == [test for test, kind in zip(tyre.tests, tyre.excitations, strict=True) if kind == "sine"]
     f = found.frequency
     gain = np.array([synthetic_rigs.maxwell_gain(x, 281.0, 19_910.0, 7_535.0) for x in f]) * 0.5 / (1 + 0.25j * f)
     amplitude = np.abs(gain) * np.radians(2)
-    assert (np.abs(found.amplitude - amplitude) < 3 * found.amplitude_error).all()
-    assert (np.abs(found.phase - np.degrees(np.angle(gain))) < 3 * found.phase_error).all()
-    assert (np.diff(found.amplitude_draws, axis=1) > 0).all()
+    assert (np.abs(found.amplitude.value - amplitude) < 3 * found.amplitude.error).all()
+    assert (np.abs(found.phase.value - np.degrees(np.angle(gain))) < 3 * found.phase.error).all()
+    assert (np.diff(found.amplitude.draws, axis=1) > 0).all()
     # white noise of 1 % of the amplitude over five periods, known from their scatter
-    samples = np.array([p.overlay.time.size for p in predictions if p.overlay.test in found.tests])
+    samples = np.array([p.time.size for p in found_tests if p.test in found.tests])
     expected = 1.645 * 0.01 * amplitude * np.sqrt(2 / samples)
-    assert np.median(found.amplitude_error / expected) == pytest.approx(1.1, abs=0.25)
+    assert np.median(found.amplitude.error / expected) == pytest.approx(1.1, abs=0.25)
 
 
 def test_errors_of_the_draws_and_samples_inside_the_band(tyre) -> None:
-    predictions = extract_predictions(tyre, tyre.clusters[0])
-    errors = extract_errors(predictions)
+    found_tests = predictions(tyre)
+    errors = extract_errors(found_tests)
     assert (np.diff(errors.nrmsd, axis=1) >= 0).all()
-    prediction = predictions[-1]
-    measured = prediction.overlay.measured
+    prediction = found_tests[-1]
+    measured = prediction.measured
     every = [np.sqrt(np.mean((draw - measured) ** 2)) / np.ptp(measured) for draw in prediction.draws]
     np.testing.assert_allclose(errors.nrmsd[-1], np.quantile(every, [0.05, 0.5, 0.95]))
-    samples = sum(p.overlay.time.size for p in predictions)
-    inside = sum(p.inside * p.overlay.time.size for p in predictions) / samples
+    samples = sum(p.time.size for p in found_tests)
+    inside = sum(p.inside * p.time.size for p in found_tests) / samples
     assert inside == pytest.approx(0.9, abs=0.03)
-    assert prediction.last_period().draws.shape[1] == prediction.last_period().overlay.time.size

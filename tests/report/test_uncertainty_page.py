@@ -13,10 +13,11 @@ import synthetic_rigs
 import xarray as xr
 
 from mofit.cli import main
-from mofit.report import UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, build_report, build_uncertainty, spread_table
-from mofit.result import write_result
+from mofit.report import UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, build_report, build_uncertainty
+from mofit.report.uncertainty.table import uncertainty_summary
+from mofit.results import write_result
 
-SECTIONS = ["summary", "marginals", "directions", "corner", "loops", "frequency", "heterogeneity", "convergence"]
+SECTIONS = ["summary", "marginals", "directions", "corner", "loops", "frequency", "homogeneity", "convergence"]
 CHROMIUM = next(
     (p for p in ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome") if Path(p).exists()), ""
 )
@@ -51,10 +52,10 @@ def test_a_full_run_has_every_section_in_order(tmp_path) -> None:
     assert len(page.encode()) < 10e6
     addresses = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert all(address.startswith(("data:", "#")) for address in addresses)
-    lines = data(tmp_path, "summary")["clusters"]["c2"]
+    lines = data(tmp_path, "summary")["modes"]["m2"]
     for name in ("mean", "sd", "q05", "q95", "contraction"):
         shown = [line["estimate"][name] for line in lines]
-        np.testing.assert_array_equal(shown, tree[f"clusters/c2/{name}"].values)
+        np.testing.assert_array_equal(shown, tree[f"modes/m2/{name}"].values)
     assert page.count("Good:") == page.count("Bad:") >= 6
 
 
@@ -69,9 +70,9 @@ def test_both_pages_live_in_one_folder(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("rig", "missing"),
     [
-        (synthetic_rigs.tyre, {"heterogeneity"}),
-        (synthetic_rigs.oscillator, {"heterogeneity"}),
-        (lambda: synthetic_rigs.crowded(1), {"heterogeneity", "corner"}),
+        (synthetic_rigs.tyre, {"homogeneity"}),
+        (synthetic_rigs.oscillator, {"homogeneity"}),
+        (lambda: synthetic_rigs.crowded(1), {"homogeneity", "corner"}),
     ],
 )
 def test_missing_groups_leave_their_sections_out(tmp_path, rig, missing) -> None:
@@ -81,22 +82,22 @@ def test_missing_groups_leave_their_sections_out(tmp_path, rig, missing) -> None
 
 def test_a_run_without_samples_says_so(tmp_path) -> None:
     tree = result_trees.make_result(synthetic_rigs.damper(), clusters=1, optional=False, converged=False, steps=20)
-    cluster = tree["clusters/c1"]
+    cluster = tree["modes/m1"]
     for name in ("posterior", "sample_stats", "log_likelihood", "posterior_predictive"):
         del cluster[name]
     for name in ("mean", "sd", "q05", "q50", "q95", "ess", "r_hat", "tau", "contraction", "verdict"):
         del cluster[name]
     page = build(tmp_path, tree)
     assert section_ids(page) == ["summary", "method"]
-    assert page.count("not sampled, so its spread is not known") == 4
+    assert page.count("not sampled, so its uncertainty is not known") == 4
 
 
 def test_what_the_data_leave_open_is_said_in_words(tmp_path) -> None:
     page = build(tmp_path, result_trees.make_result(synthetic_rigs.crowded(6), steps=40))
-    flat = [d for d in data(tmp_path, "directions")["clusters"]["c1"]["directions"] if d["spread"] > 0.5]
+    flat = [d for d in data(tmp_path, "directions")["modes"]["m1"]["directions"] if d["width"] > 0.5]
     assert [[c["parameter"] for c in d["changes"]] for d in flat] == [["extra_1"]]
-    assert "<b>Flat:</b> <span>extra_1</span> is left open" in page
-    assert "trades against" in page
+    assert "<b>Not identifiable:</b> <span>extra_1</span>" in page
+    assert "compensate each other" in page
 
 
 def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
@@ -107,7 +108,7 @@ def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
 def test_names_of_parameters_are_text(tmp_path) -> None:
     tree = result_trees.make_result(synthetic_rigs.crowded(2), clusters=1, optional=False, steps=20)
     names = {"F_0": "<b>&"}
-    cluster = tree["clusters/c1"]
+    cluster = tree["modes/m1"]
     for node in (tree["parameters"], cluster):
         renamed = [names.get(str(n), str(n)) for n in node.dataset["parameter"].values]
         node.dataset = node.to_dataset().assign_coords(parameter=renamed)
@@ -115,7 +116,7 @@ def test_names_of_parameters_are_text(tmp_path) -> None:
     page = build(tmp_path, tree)
     assert "<b>&:" not in page
     assert "&lt;b&gt;&amp;" in page
-    assert spread_table(tree)["modes"][0]["parameters"]["<b>&"]["sentence"].startswith("<b>&: ")
+    assert uncertainty_summary(tree)["modes"][0]["parameters"]["<b>&"]["sentence"].startswith("<b>&: ")
 
 
 @pytest.mark.parametrize(
@@ -143,15 +144,15 @@ def test_the_command_prints_the_page_or_the_table(tmp_path, capsys) -> None:
 
 def test_the_table_of_all_solutions() -> None:
     tree = result_trees.make_result(synthetic_rigs.crowded(6), steps=20)
-    table = spread_table(tree)
-    assert [mode["id"] for mode in table["modes"]] == ["c1", "c2"]
+    table = uncertainty_summary(tree)
+    assert [mode["id"] for mode in table["modes"]] == ["m1", "m2"]
     entry = table["modes"][0]["parameters"]["extra_1"]
     assert entry["verdict"] == "not identifiable"
     assert entry["sentence"].startswith("extra_1: ")
-    assert entry["sd"] == float(tree["clusters/c1/sd"].sel(parameter="extra_1"))
-    assert set(table["heterogeneity"]) == set(table["modes"][0]["parameters"])
+    assert entry["sd"] == float(tree["modes/m1/sd"].sel(parameter="extra_1"))
+    assert set(table["homogeneity"]) == set(table["modes"][0]["parameters"])
     assert table["not_identifiable"] == []
-    assert spread_table(tree, ["c", "extra_1", "extra_1"])["not_identifiable"] == ["extra_1"]
+    assert uncertainty_summary(tree, ["c", "extra_1", "extra_1"])["not_identifiable"] == ["extra_1"]
     json.dumps(table, allow_nan=False)
 
 
@@ -170,7 +171,7 @@ def test_a_run_that_did_not_converge_ends_with_3(tmp_path, capsys) -> None:
 
 def test_without_a_run_nothing_is_written(tmp_path, capsys) -> None:
     assert main(["uncertainty", str(tmp_path)]) == 2
-    assert "no such file" in capsys.readouterr().err
+    assert "there is no file" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

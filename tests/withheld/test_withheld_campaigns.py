@@ -10,17 +10,18 @@ from respond import Case, respond
 from rig_tests import FREQUENCIES, FURTHER
 from specimen import NOISES
 
-from mofit.calibration import calibrate, calibrated_values
-from mofit.campaign_file import read_campaign
-from mofit.check import check_campaign
+from mofit.data import check_campaign, read_campaign
 from mofit.diagnosis.candidates import choose_effects
-from mofit.diagnosis.workshop import Workshop
-from mofit.drives import to_drive
-from mofit.library import find_model
-from mofit.model import with_effects
-from mofit.posing import choose_tests, main_problem
-from mofit.refine import merge, refine
-from mofit.settings import Settings, free_space
+from mofit.diagnosis.integration import SimulatorCache
+from mofit.identification.calibration import calibrated_values
+from mofit.identification.problem_setup import set_up_problem
+from mofit.identification.settings import Settings
+from mofit.models import find_model, with_effects
+from mofit.optimize import merge, refine
+from mofit.simulation import experiment_data
+
+#: causes that are compared in every run of the tests; the others in the long ones
+QUICK = ("quadratic_damping", "springpot", "contact_patch_lag")
 
 
 def made(tmp_path, slot):
@@ -33,19 +34,17 @@ def test_without_effect_the_model_is_right(tmp_path, number):
     slot = Slot(31, "none", "", number)
     path = made(tmp_path, slot)
     campaign, model, settings = read_campaign(path), find_model("maxwell_tyre"), Settings()
-    space = free_space(model, settings)
-    calibrations, warnings = calibrate(model, campaign, space, seed=0, jobs=1)
-    assert warnings == []
-    selected = campaign.select(choose_tests(model, campaign, ()))
-    problem = main_problem(model, selected, space, calibrations, settings)
-    known = calibrated_values(calibrations)
+    setup = set_up_problem(model, campaign, settings)
+    assert setup.warnings == ()
+    selected, problem = setup.campaign, setup.posterior.main
+    known = calibrated_values(setup.calibrations)
     start = problem.space.to_unit([known.get(p.name, p.nominal) for p in problem.space.parameters])
     (best, *_) = merge(refine(problem.evaluate, start[None]))
     specimen, tests = setting(slot)
     sines = [test for test in tests if test.kind == "sine"]
     true = respond([(Case(specimen), test) for test in sines])
     at_truth, at_fit = (
-        problem.simulator.sensitivities(problem.full(u[None]))
+        problem.simulator.sensitivities(problem.layout.full(u[None]))
         for u in (problem.space.to_unit([specimen[name] for name in problem.space.names]), best.point)
     )
     for test, force in zip(sines, true, strict=True):
@@ -66,13 +65,15 @@ def bare(tmp_path_factory):
     slot, model, settings = Slot(31, "none", "", 0), find_model("maxwell_tyre"), Settings()
     specimen, tests = setting(slot)
     campaign = read_campaign(made(tmp_path_factory.mktemp("bare"), slot))
-    space = free_space(model, settings)
-    selected = campaign.select([test.name for test in tests if test.kind == "sine"])
-    problem = main_problem(model, selected, space, calibrate(model, campaign, space, seed=0, jobs=1)[0], settings)
-    return specimen, {test.name: test for test in tests}, selected, problem
+    setup = set_up_problem(model, campaign, settings, [test.name for test in tests if test.kind == "sine"])
+    return specimen, {test.name: test for test in tests}, setup.campaign, setup.posterior.main
 
 
-@pytest.mark.parametrize("cause", LIBRARY, ids=lambda cause: cause.name)
+@pytest.mark.parametrize(
+    "cause",
+    [pytest.param(cause, marks=() if cause.name in QUICK else pytest.mark.slow) for cause in LIBRARY],
+    ids=lambda cause: cause.name,
+)
 def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
     """At the truth both simulate the same record: what is left of an effect that is named is not the generator's."""
     specimen, tests, campaign, problem = bare
@@ -82,8 +83,10 @@ def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
     model = with_effects(problem.model, effect)
     free = [parameter.name for parameter in model.parameters if parameter.name in true]
     assert set(cause.typical) <= set(free)
-    drives = [to_drive(model, *one, settled=False) for one in zip(problem.measurements, problem.records, strict=True)]
-    _, simulator = Workshop().simulator(model, drives, free, 16)
+    experiments = [
+        experiment_data(model, *one, settled=False) for one in zip(problem.measurements, problem.signals, strict=True)
+    ]
+    _, simulator = SimulatorCache().simulator(model, experiments, free, 16)
     outputs = simulator.sensitivities(np.array([[true[name] for name in free]]))
     case = Case(specimen, {**cause.typical, **shape})
     for name, allowed in (
@@ -103,8 +106,8 @@ def test_an_effect_is_what_the_library_takes_it_for(bare, cause):
 def test_files_have_no_faults_and_say_what_an_effect_needs(tmp_path):
     path = made(tmp_path, Slot(31, "none", "", 0))
     campaign = read_campaign(path)
-    assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
-    sines = [m.procedure for m in campaign.measurements if m.kind == "sine"]
+    assert [issue for issue in check_campaign(path) if issue.severity == "error"] == []
+    sines = [m.experiment for m in campaign.measurements if m.kind == "sine"]
     assert len(sines) == len({(p.frequency, p.amplitude, *p.conditions.items()) for p in sines})
     assert len(sines) == len((*FREQUENCIES, *FURTHER))
     for procedure in sines:
@@ -122,14 +125,14 @@ def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
     before, after = read_campaign(path), read_campaign(tmp_path / "next.nc")
     assert [m.name for m in after.measurements][:-1] == [m.name for m in before.measurements]
     added = after.measurements[-1]
-    assert (added.name, added.kind, added.procedure.frequency) == ("sine_next", "sine", 6.0)
-    assert added.procedure.conditions["longitudinal_velocity"] == 5.56
-    assert added.procedure.step == pytest.approx(1 / 200)
-    assert added.procedure.start_time > max(m.procedure.start_time or 0 for m in before.measurements)
+    assert (added.name, added.kind, added.experiment.frequency) == ("sine_next", "sine", 6.0)
+    assert added.experiment.conditions["longitudinal_velocity"] == 5.56
+    assert added.experiment.step == pytest.approx(1 / 200)
+    assert added.experiment.start_time > max(m.experiment.start_time or 0 for m in before.measurements)
     append_test(tmp_path / "next.nc", entry, spec, tmp_path / "third.nc")
     third = read_campaign(tmp_path / "third.nc").measurements[-1]
     assert third.name == "sine_next_2"
-    assert third.procedure.start_time > added.procedure.start_time + 10.0
+    assert third.experiment.start_time > added.experiment.start_time + 10.0
     force, earlier = (m.outputs["lateral_force"] for m in (third, added))
     assert 20.0 < np.std(force[:500] - earlier[:500]) < 40.0
     assert np.ptp(added.outputs["lateral_force"]) > 200
@@ -138,8 +141,9 @@ def test_the_advised_test_is_run_on_the_same_tyre(tmp_path):
     assert not (tmp_path / "other.nc").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "effect", "number"), [(1, "cubic_stiffness", 5), (3, "carcass_stiffness", 18)])
 def test_a_softening_carcass_holds_to_the_end_of_the_longest_test(seed, effect, number, tmp_path):
     # at the size first drawn it gives way after 4 s of a step test, past what strengths are judged by
     path = made(tmp_path, Slot(seed, "effect", effect, number))
-    assert [fault for fault in check_campaign(path) if fault.severity == "error"] == []
+    assert [issue for issue in check_campaign(path) if issue.severity == "error"] == []

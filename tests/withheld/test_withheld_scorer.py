@@ -15,7 +15,7 @@ from tally import Pairing, confusion, figures
 
 def said(verdict, *names, size=1.0, shrinkage=None, score=100.0, **more):
     effects = [{"name": n, "size": size, "size_low": 0.9 * size, "size_high": 1.1 * size} for n in names]
-    more = {"explanations": [names], **more}
+    more = {"candidate_models": [names], **more}
     tested = [{"name": n, "statistic": score} for n in ("delay", "drift", "speed", "wheel_order")]
     return {"verdict": verdict, "effects": effects, "group": [], "shrinkage": shrinkage, "seconds": 3.0,
             "candidates": tested, **more}  # fmt: skip
@@ -109,7 +109,7 @@ def test_two_at_once():
         (hidden("pair", "delay", "drift"), said("several", "drift", "delay")),
         (hidden("pair", "delay", "drift"), said("several", "delay", "speed")),
         (hidden("pair", "delay", "drift"), said("unknown", "delay")),
-        (hidden("pair", "delay", "drift", next_pair=20.0), said("several", "speed", "drift", explanations=[
+        (hidden("pair", "delay", "drift", next_pair=20.0), said("several", "speed", "drift", candidate_models=[
             ("speed", "drift"), ("delay", "drift")])),
     )  # fmt: skip
     found = figures(rows)
@@ -120,7 +120,7 @@ def test_two_at_once():
 
 
 def test_shrinkage_and_size_of_what_was_named_exactly():
-    shrinkage = {"predicted": 0.9, "confirmed": 0.94, "low": 0.93, "high": 0.97}
+    shrinkage = {"predicted": 0.9, "refitted": 0.94, "low": 0.93, "high": 0.97}
     entry = hidden("effect", "delay", size=2.0)
     rows = [
         Pairing("a", entry, said("effect", "delay", size=2.1, shrinkage=shrinkage), 0.95),
@@ -144,8 +144,8 @@ def test_sizes_of_two_parts_are_compared_part_by_part():
 
 
 def test_the_removed_effect_and_the_next_test():
-    alike = said("group", "delay", "speed", next_test={"resolves": True, "chance": 0.99})
-    unsure = said("group", "delay", "speed", next_test={"resolves": False, "chance": 0.49})
+    alike = said("group", "delay", "speed", next_experiment={"resolves": True, "power": 0.99})
+    unsure = said("group", "delay", "speed", next_experiment={"resolves": False, "power": 0.49})
     rows = pairs(*[(hidden("effect", "delay"), one) for one in (alike, alike, alike, alike, unsure)])
     after = pairs(
         (hidden("effect", "delay"), said("effect", "delay")),
@@ -161,11 +161,11 @@ def test_the_removed_effect_and_the_next_test():
     )
     second = [replace(after[2], result=said("effect", "delay"))]
     found = figures(rows, [after, second], without)
-    assert found["next_test"]["claimed"] == 4
-    assert found["next_test"]["resolved"]["hits"] == 1
-    assert found["next_test"]["parted"]["hits"] == 2
-    assert (found["next_test"]["all"]["hits"], found["next_test"]["all"]["count"]) == (2, 5)
-    assert found["next_test"]["all_foreseen"] == pytest.approx(0.89)
+    assert found["next_experiment"]["claimed"] == 4
+    assert found["next_experiment"]["resolved"]["hits"] == 1
+    assert found["next_experiment"]["discriminated"]["hits"] == 2
+    assert (found["next_experiment"]["all"]["hits"], found["next_experiment"]["all"]["count"]) == (2, 5)
+    assert found["next_experiment"]["all_expected"] == pytest.approx(0.89)
     assert found["next_tests_run"] == [5, 1]
     assert found["strong_with_next_test"]["exact"]["hits"] == 3
     assert found["without_the_true_one"]["said_unknown"]["count"] == 2

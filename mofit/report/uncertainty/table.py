@@ -1,64 +1,59 @@
-"""The summary: one line per parameter with its spread, what the data taught of it, and a sentence."""
+"""The summary of the uncertainty page: one row per parameter with its uncertainty and a sentence; the same as JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from markupsafe import Markup, escape
 
-from mofit.report.display import THIN, badge, listed, number, symbol, with_sd
-from mofit.report.page import Block, Section, Table, Text, tabs
-from mofit.report.parameter_table import Estimate, extract_estimates
-from mofit.report.run import Cluster, Run, labels, numbers, tab_title
+from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.report.calibration import calibrated
+from mofit.report.directions import Pair, strong_pairs
+from mofit.report.estimates import Estimate, estimate_columns, extract_estimates, unconverged
+from mofit.report.per_test import extract_per_test
+from mofit.report.run import Mode, Run
 from mofit.report.summary import convergence_banner, extract_headline
-from mofit.report.uncertainty.directions import Pair, strong_pairs
+from mofit.report.toolkit.blocks import Block, Section, Table, Text, tabs, words, wrapped
+from mofit.report.toolkit.formatting import THIN, listed, number, symbol, unit_text, whole_percent, with_sd
+from mofit.report.uncertainty.homogeneity import extract_homogeneity
+
+UNIDENTIFIABLE = "not identifiable"
+"""Verdict of a parameter that the data do not inform."""
 
 _UNMOVED = 0.9
-"""Share of an earlier stage's standard deviation from which the tests have added next to nothing."""
+_WIDER = 1.1
+"""Shares of a calibration stage's standard deviation between which the tests have added next to nothing."""
 
 
 @dataclass(frozen=True)
-class Line:
-    """One parameter of one solution: its numbers, its sd if noise were all (nan if unknown), and what they mean.
-
-    `plain` is the sentence without markup.
-    """
+class Row:
+    """One parameter of one mode, and what its numbers mean; `plain` is the sentence without markup."""
 
     estimate: Estimate
-    noise_sd: float
     sentence: Markup
     plain: str
 
 
-def extract_lines(run: Run, cluster: Cluster) -> list[Line]:
-    """The parameters of a cluster in order."""
-    pairs = strong_pairs(run, cluster) if cluster.draws is not None else []
-    known = earlier_sd(run)
-    lines = []
-    for estimate, noise_sd in zip(extract_estimates(run, cluster), cluster.array("noise_sd"), strict=True):
-        earlier = known.get(estimate.parameter, np.nan)
+def extract_rows(run: Run, mode: Mode) -> list[Row]:
+    """The parameters of a mode in order."""
+    pairs, stages = strong_pairs(run, mode), calibrated(run)
+    rows = []
+    for estimate in extract_estimates(run, mode):
+        _, earlier = stages.get(estimate.parameter, (np.nan, np.nan))
         plain = sentence(estimate, pairs, earlier, lambda name: Markup(escape(name))).unescape()
-        lines.append(Line(estimate, float(noise_sd), sentence(estimate, pairs, earlier), plain))
-    return lines
-
-
-def earlier_sd(run: Run) -> dict[str, float]:
-    """Standard deviations that calibration stages alone gave, by parameter."""
-    node = run.group("calibration")
-    stages = {} if node is None else node.children
-    return {
-        parameter: float(sd)
-        for name, stage in stages.items()
-        for parameter, sd in zip(labels(stage, f"parameter_{name}"), numbers(stage, "sd"), strict=True)
-    }
+        rows.append(Row(estimate, sentence(estimate, pairs, earlier), plain))
+    return rows
 
 
 def sentence(
     estimate: Estimate, pairs: list[Pair], earlier: float = np.nan, show: Callable[[str], Markup] = symbol
 ) -> Markup:
-    """What the data say of a parameter, in words.
+    """What the data say of a parameter, in one sentence.
 
     Parameters
     ----------
@@ -71,114 +66,156 @@ def sentence(
     show
         How names of parameters are written.
     """
-    parts = [_what(estimate)]
+    parts = [Markup(escape(_identified(estimate)))]
     if estimate.at_bound:
         side = "upper" if estimate.at_bound > 0 else "lower"
-        parts.append(Markup("its minimum is at its {} bound: widen the box, or doubt the model").format(side))
+        parts.append(Markup("its MAP estimate is at its {} bound: widen the box, or doubt the model").format(side))
     off = abs(estimate.mean - estimate.value) / estimate.sd if estimate.sd > 0 else 0.0
     if off > 1 and not estimate.at_bound:
-        parts.append(Markup("its mean lies {} sd from the refined minimum").format(number(off, 2)))
+        parts.append(Markup("its mean is {} sd from the MAP estimate").format(number(off, 2)))
     if np.isfinite(earlier) and earlier > 0 and np.isfinite(estimate.sd):
-        parts.append(_beside_stage(estimate.sd / earlier))
+        parts.append(Markup(escape(_against_stage(estimate.sd / earlier))))
     for pair in pairs:
         if estimate.parameter in (pair.first, pair.second):
             other = pair.second if estimate.parameter == pair.first else pair.first
-            how = "rises and falls with" if pair.correlation > 0 else "trades against"
-            parts.append(Markup("{} {} (correlation {})").format(how, show(other), number(pair.correlation, 2)))
+            parts.append(Markup("correlated with {} ({})").format(show(other), number(pair.correlation, 2)))
             break
     return show(estimate.parameter) + Markup(": ") + Markup("; ").join(parts) + Markup(".")
 
 
-def _what(e: Estimate) -> Markup:
-    unit = "" if e.unit == "1" else f"{THIN}{e.unit}"
+def _identified(e: Estimate) -> str:
+    """How far the data identify the parameter."""
+    unit = THIN + e.unit if unit_text(e.unit) else ""
     low, high = with_sd(e.q05, e.sd) + unit, with_sd(e.q95, e.sd) + unit
     verdict = e.verdict.lower()
     if not np.isfinite(e.sd):
-        return Markup("not sampled, so its spread is not known")
+        return "not sampled, so its uncertainty is not known"
     if verdict.startswith("lower limit"):
-        return Markup("the data give a lower limit only: above {} with 95{t}% probability").format(low, t=THIN)
+        return f"only a lower limit: above {low} with a probability of 95{THIN}%"
     if verdict.startswith("upper limit"):
-        return Markup("the data give an upper limit only: below {} with 95{t}% probability").format(high, t=THIN)
+        return f"only an upper limit: below {high} with a probability of 95{THIN}%"
     if e.contraction < 0.1:
-        return Markup("not moved from the prior: the data say nothing of it")
-    if verdict.startswith("not identifiable"):
-        return Markup("the data do not pin it: the posterior reaches both bounds")
-    width = f"{100 * (1 - e.contraction):.0f}{THIN}%"
+        return "not identifiable from these data: the posterior equals the prior"
+    if verdict.startswith(UNIDENTIFIABLE):
+        return "not identifiable from these data: the posterior reaches both bounds"
     if verdict.startswith("weak") or e.contraction < 0.5:
-        return Markup("between {} and {}: a range, not a value; still {} as wide as the prior").format(low, high, width)
+        width = whole_percent(1 - e.contraction)
+        return f"weakly identified, between {low} and {high}: a range, not a value, {width} as wide as the prior"
     if abs(e.mean) > 2 * e.sd:
-        return Markup("known to ± {}{}%").format(number(100 * e.sd / abs(e.mean), 2), THIN)
-    return Markup("known to ± {}{}; zero is not excluded").format(number(e.sd, 2), unit)
+        return f"identified to ± {number(100 * e.sd / abs(e.mean), 2)}{THIN}%"
+    return f"identified to ± {number(e.sd, 2)}{unit}; zero is not excluded"
 
 
-def _beside_stage(share: float) -> Markup:
-    if share > 1.1:
-        return Markup("wider than its calibration stage alone says ({}×)").format(number(share, 2))
+def _against_stage(share: float) -> str:
+    """The standard deviation against that of the calibration stage."""
+    if share > _WIDER:
+        return f"its sd is {number(share, 2)}× that of its calibration stage alone"
     if share > _UNMOVED:
-        return Markup("not moved from what its calibration stage knew")
-    return Markup("{}{}% narrower than by its calibration stage alone").format(f"{100 * (1 - share):.0f}", THIN)
+        return "its sd is that of its calibration stage: the other tests add nothing"
+    return f"its sd is {whole_percent(1 - share)} smaller than that of its calibration stage alone"
 
 
 def table_section(run: Run) -> Section:
-    """Banner, what is shown, and a table per solution, best first."""
-    headline = extract_headline(run)
-    lines = {cluster.name: extract_lines(run, cluster) for cluster in run.clusters}
-    panes: dict[str, list[Block]] = {tab_title(c): [_table(lines[c.name], c)] for c in run.clusters}
-    blocks: list[Block] = [convergence_banner(headline), *(Text(text) for text in _overview(run)), *tabs(panes)]
-    return Section("summary", "Summary", blocks, {"converged": run.converged, "clusters": lines})
+    """Banner, what is shown, and a table per mode, best first."""
+    rows = {mode.name: extract_rows(run, mode) for mode in run.modes}
+    panes: dict[str, list[Block]] = {mode.title: [_table(run, mode, rows[mode.name])] for mode in run.modes}
+    blocks: list[Block] = [convergence_banner(extract_headline(run)), *map(Text, _overview(run)), *tabs(panes)]
+    return Section("summary", "Summary", blocks, {"converged": run.converged, "modes": rows})
 
 
 def _overview(run: Run) -> list[Markup]:
-    best = run.clusters[0]
-    texts = []
+    best, texts = run.best, []
     if len(run.plausible) > 1:
-        texts.append(
-            Markup("<b>{} solutions are plausible:</b> {}. Each table below is the spread around one of them.").format(
-                len(run.plausible), listed([tab_title(cluster) for cluster in run.plausible])
-            )
-        )
-    graded = {
-        grade: [symbol(name) for name, own in zip(best.parameters, best.grades, strict=True) if own == grade]
-        for grade in ("good", "fair", "bad")
-    }
-    if graded["good"]:
-        texts.append(Markup("<b>Pinned by the data:</b> {}.").format(listed(graded["good"])))
-    if graded["fair"]:
-        texts.append(Markup("<b>A limit or a range only:</b> {}.").format(listed(graded["fair"])))
-    if graded["bad"]:
-        texts.append(Markup("<b>Not to be read as a value:</b> {}.").format(listed(graded["bad"])))
+        text = Markup("<b>{} posterior modes are plausible:</b> {}. Each table below describes one of them.")
+        texts.append(text.format(len(run.plausible), listed([mode.title for mode in run.plausible])))
+    for grade, head in {"good": "Identified", "fair": "Only a limit or a range", "bad": "Not identified"}.items():
+        names = [symbol(name) for name, own in zip(best.parameters, best.grades, strict=True) if own == grade]
+        if names:
+            texts.append(Markup("<b>{}:</b> {}.").format(head, listed(names)))
     return texts
 
 
-def _table(lines: list[Line], cluster: Cluster) -> Table:
-    rows = []
-    split = any(np.isfinite(line.noise_sd) for line in lines)
-    for line in lines:
-        e = line.estimate
-        sampled = np.isfinite(e.sd)
-        rows.append(
-            [
-                symbol(e.parameter),
-                with_sd(e.mean, e.sd) + (f" ± {number(e.sd, 2)}" if sampled else ""),
-                f"{with_sd(e.q05, e.sd)} … {with_sd(e.q95, e.sd)}" if sampled else "–",
-                *([number(line.noise_sd, 2)] if split else []),
-                "" if e.unit == "1" else e.unit,
-                "–" if np.isnan(e.contraction) else f"{100 * e.contraction:.1f}{THIN}%".replace("-", "−"),
-                badge(e.verdict or "not sampled", e.grade),
-                Markup('<span class="words">{}</span>').format(line.sentence),
-            ]
-        )
-    columns = ["Parameter", "Mean ± sd", "90 % interval", "Unit", "Contraction", "Verdict", "In words"]
+def _table(run: Run, mode: Mode, rows: list[Row]) -> Table:
+    estimates = [row.estimate for row in rows]
+    columns = estimate_columns(run, estimates)
+    heads = ["Parameter", "Mean ± sd", "90 % interval", "Unit", "Contraction", "Verdict"]
     caption = (
-        f"Solution {cluster.name}. Contraction, from prior to posterior: 1 − posterior sd / prior sd, in the box of "
-        "the prior; 100 % is a point, 0 % means that the data said nothing."
+        f"Mode {mode.name}{unconverged(mode)} Contraction, from prior to posterior: 1 − posterior sd / prior sd, in "
+        "the prior box; 100 % is a point, at 0 % the data do not inform the parameter."
     )
-    if split:
-        columns.insert(3, "Noise alone, sd")
+    if any(np.isfinite(e.noise_sd) for e in estimates):
+        heads.insert(3, "Noise alone, sd")
         caption += (
-            " Mean, sd and interval hold the noise and what the model misses; beside them the sd that noise alone "
-            "would give, were the model exact."
+            " Mean, sd and interval account for noise and model discrepancy. Beside them: the sd from noise alone, as "
+            "if the model were exact."
         )
-    if not cluster.converged:
-        caption += " Its chains did not converge."
-    return Table(columns, rows, caption, left=[3 + split, 5 + split, 6 + split])
+    return Table(
+        [*(columns[head] for head in heads), words("Meaning", [wrapped(row.sentence) for row in rows])], caption
+    )
+
+
+def uncertainty_summary(tree: xr.DataTree, asked: Sequence[str] = ()) -> dict[str, Any]:
+    """The uncertainty of a run as one JSON object, which ``mofit uncertainty --json`` prints; not finite is None.
+
+    Parameters
+    ----------
+    tree
+        A ``mofit.result/2`` tree.
+    asked
+        Parameters for which it is asked whether the data identify them.
+
+    Returns
+    -------
+    dict
+        ``converged``; ``modes``, best first, with ``id``, ``probability`` and ``parameters`` by name; ``homogeneity``
+        by name; ``not_identifiable``, those of `asked` that a plausible mode leaves unidentified.
+
+    Raises
+    ------
+    InputError
+        If one of `asked` is no free parameter of the run.
+    """
+    run = Run(tree)
+    known = run.best.parameters
+    raise_errors(
+        Issue(f"--parameter {name}", "the run has no free parameter of this name", did_you_mean(name, known))
+        for name in asked
+        if name not in known
+    )
+    lost = {
+        n for mode in run.plausible for n, v in zip(mode.parameters, mode.verdicts, strict=True) if v == UNIDENTIFIABLE
+    }
+    return {
+        "converged": run.converged,
+        "modes": [
+            {
+                "id": mode.name,
+                "probability": _number(mode.probability),
+                "parameters": {row.estimate.parameter: _entry(row) for row in extract_rows(run, mode)},
+            }
+            for mode in run.modes
+        ],
+        "homogeneity": _homogeneity(run),
+        "not_identifiable": [name for name in dict.fromkeys(asked) if name in lost],
+    }
+
+
+def _entry(row: Row) -> dict[str, Any]:
+    e = row.estimate
+    numeric = ("value", "mean", "sd", "q05", "q95", "contraction", "noise_sd")
+    plain = {"unit": e.unit, "at_bound": e.at_bound, "verdict": e.verdict, "sentence": row.plain}
+    return {name: _number(getattr(e, name)) for name in numeric} | plain
+
+
+def _homogeneity(run: Run) -> dict[str, Any]:
+    found = extract_per_test(run)
+    results = [] if found is None else extract_homogeneity(run, found)
+    return {
+        r.parameter: {"tests": len(r.used), "agree": r.agree}
+        | {"q": _number(r.q), "p": _number(r.p), "i_squared": _number(r.i_squared)}
+        for r in results
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,215 @@
+"""What a person sees in the terminal: progress while working, tables when done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from mofit.runtime.progress import Progress as Listener
+
+
+@contextmanager
+def progress_bar() -> Iterator[Listener]:
+    """A listener that draws one bar per stage on standard error; plain words where that is no terminal."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _notes_only(console)
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=console) as bar:
+        tasks: dict[str, Any] = {}
+
+        def listen(stage: str, done: float, total: float, note: str) -> None:
+            if stage not in tasks:
+                for name in tasks:
+                    bar.update(tasks[name], completed=bar.tasks[tasks[name]].total or 1)
+                tasks[stage] = bar.add_task(stage, total=total or None, note=note)
+            bar.update(tasks[stage], completed=done, total=total or None, note=note)
+
+        yield listen
+
+
+def _notes_only(console: Console) -> Listener:
+    """Only what a log should keep: remarks made outside any count."""
+
+    def listen(stage: str, done: float, total: float, note: str) -> None:
+        if total == 0 and note:
+            console.print(f"mofit: {note}", highlight=False)
+
+    return listen
+
+
+#: Tables are not squeezed below this many columns where the output is no terminal.
+WIDTH = 120
+#: Parameters of a comparison that have room side by side.
+_ABREAST = 3
+#: Single tests of a design that are shown.
+_BEST = 5
+_COLOURS = {"good": "green", "fair": "yellow", "bad": "red"}
+
+
+def terminal_console() -> Console:
+    """Standard output; wide enough for a table where that is no terminal."""
+    console = Console()
+    return console if console.is_terminal else Console(width=WIDTH)
+
+
+def _table(*heads: str, words: Sequence[str] = (), title: str | None = None) -> Table:
+    """A table; the first column and those among ``words`` are aligned left, numbers right."""
+    table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k == 0 or head in words else "right", no_wrap=k == 0)
+    return table
+
+
+def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
+    """The modes of a finished run, one table each."""
+    console = terminal_console()
+    for mode in summary["modes"]:
+        worst = max(mode["nrmsd"].values())
+        title = f"{mode['id']}: probability {mode['probability']:.3g}, NRMSD up to {100 * worst:.3g} %"
+        heads = ("parameter", "MAP", "mean", "sd", "5 %", "95 %", "unit", "verdict")
+        table = _table(*heads, words=("unit", "verdict"), title=title)
+        for name, entry in mode["parameters"].items():
+            numbers = [f"{entry[key]:.4g}" for key in ("value", "mean", "sd", "q05", "q95")]
+            table.add_row(name, *numbers, entry["unit"], entry["verdict"])
+        console.print(table)
+    for warning in summary["warnings"]:
+        console.print(f"warning: {warning}", highlight=False)
+    if not summary["converged"]:
+        console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
+    console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}", highlight=False)
+
+
+def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
+    """The conclusion, the effects, and the next experiment."""
+    console = terminal_console()
+    console.print(found["sentence"], style="bold", highlight=False)
+    where = found["where"]
+    if where["residuals"]:
+        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)", highlight=False)
+    if found["effects"]:
+        table = _table("effect", "probability", "size", "5 %", "95 %", "unit", words=("unit",))
+        for effect in found["effects"]:
+            sizes = [f"{effect[key]:.4g}" for key in ("size", "size_low", "size_high")]
+            table.add_row(effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
+        console.print(table)
+    if shrinkage := found["shrinkage"]:
+        share = [f"{100 * shrinkage[key]:.1f}" for key in ("refitted", "low", "high")]
+        console.print(
+            f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).", highlight=False
+        )
+    if found["next_experiment"]:
+        console.print(found["next_experiment"]["sentence"], highlight=False)
+    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}", highlight=False)
+
+
+def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) -> None:
+    """Experiments × parameters, then why.
+
+    Parameters
+    ----------
+    summary
+        What ``--json`` prints.
+    augmentations
+        What would make parameters identifiable that no experiment identifies, in sentences.
+    """
+    from mofit.design.identifiability import IDENTIFIABLE
+
+    console = terminal_console()
+    names = list(summary["experiments"][0]["parameters"])
+    console.print(_abreast(summary, names) if len(names) <= _ABREAST else _stacked(summary))
+    values = ", ".join(
+        f"{name} {summary['values'][name]['value']:.4g} {summary['values'][name]['unit']}" for name in names
+    )
+    sentences = [
+        f"Expected standard deviation in % of the value, median over {summary['samples']} parameter samples around "
+        f"{values}; per min: after 60 s of the experiment. *: the verdict depends on the parameter sample."
+    ]
+    sentences += [
+        f"{row['name']}: {entry['sentence']}"
+        for row in summary["experiments"]
+        for entry in row["parameters"].values()
+        if entry["verdict"] != IDENTIFIABLE
+    ]
+    for name, parameters in summary.get("posterior", {}).items():
+        estimates = ", ".join(
+            f"{parameter} {own['mean']:.4g} ± {own['sd']:.2g} ({own['verdict']})"
+            for parameter, own in parameters.items()
+        )
+        converged = "" if all(own["converged"] for own in parameters.values()) else "; NOT CONVERGED"
+        sentences.append(f"{name}: posterior of simulated data: {estimates}{converged}")
+    for sentence in (*sentences, *summary["notes"], *augmentations):
+        console.print(sentence, highlight=False)
+
+
+def _abreast(summary: Mapping[str, Any], names: Sequence[str]) -> Table:
+    """A row per experiment, parameters side by side."""
+    heads = [head for name in names for head in (f"{name}: sd", "per min", "verdict")]
+    table = _table("experiment", "time", *heads, words=("verdict",))
+    for row in summary["experiments"]:
+        cells = [cell for entry in row["parameters"].values() for cell in _cells(entry)]
+        table.add_row(row["name"], f"{row['seconds']:.0f} s", *cells)
+    return table
+
+
+def _stacked(summary: Mapping[str, Any]) -> Table:
+    """A row per experiment and parameter."""
+    table = _table("experiment", "parameter", "time", "sd", "per min", "verdict", words=("parameter", "verdict"))
+    for row in summary["experiments"]:
+        for name, entry in row["parameters"].items():
+            table.add_row(row["name"], name, f"{row['seconds']:.0f} s", *_cells(entry))
+    return table
+
+
+def _cells(entry: Mapping[str, Any]) -> list[str]:
+    from mofit.design.text import GRADES, percent
+
+    star = "*" if len(entry["verdicts"]) > 1 else ""
+    colour = _COLOURS[GRADES[entry["verdict"]]]
+    return [
+        percent(entry["relative_sd"]),
+        percent(entry["relative_sd_after_60_s"]),
+        f"[{colour}]{entry['verdict']}[/]{star}",
+    ]
+
+
+def show_design(summary: Mapping[str, Any]) -> None:
+    """The tests to run first, then what they give, then what else was evaluated; of what ``--json`` prints."""
+    from mofit.design.text import criterion_text, settings_text, value_text
+
+    console = terminal_console()
+    table = _table("run next", "kind", "settings", "times", "time", words=("kind", "settings"))
+    for test in summary["design"]:
+        table.add_row(test["name"], test["kind"], settings_text(test), str(test["times"]), f"{test['seconds']:.0f} s")
+    console.print(table)
+    heads = ("parameter", "sd before", "sd after", "unit", "before", "after", "verdict after")
+    table = _table(*heads, words=("unit", "verdict after"))
+    for name, entry in summary["parameters"].items():
+        table.add_row(
+            name, f"{entry['sd_before']:.3g}", f"{entry['sd']:.3g}", entry["unit"],
+            f"{100 * entry['relative_sd_before']:.2g} %", f"{100 * entry['relative_sd']:.2g} %", entry["verdict"],
+        )  # fmt: skip
+    console.print(table)
+    console.print(criterion_text(summary), highlight=False)
+    table = _table("best single tests", "time", "criterion")
+    for test in summary["singles"][:_BEST]:
+        table.add_row(test["name"], f"{test['seconds']:.0f} s", value_text(summary, test["value"]))
+    console.print(table)
+    infeasible = ", ".join(f"{number} by {reason}" for reason, number in summary["infeasible"].items())
+    candidates = f"{summary['candidates']} candidates" + (f"; infeasible: {infeasible}" if infeasible else "") + "."
+    for sentence in (candidates, *summary["notes"], *summary["not_identifiable"]):
+        console.print(sentence, highlight=False)

@@ -1,0 +1,1 @@
+"""The import formats, one module each: a module declares its `mofit.data.importers.registry.ImportFormat`."""

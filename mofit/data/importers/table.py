@@ -1,0 +1,99 @@
+"""A file as named columns, whatever its format."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mofit._typing import FloatArray
+from mofit.data.importers.contained import Contained
+from mofit.data.importers.registry import ImportFormat, format_of
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns of a file by name, shape (n,) each; constants have one element.
+
+    ``units`` are the file's own, as it spells them, where it has any.
+    """
+
+    name: str
+    columns: Mapping[str, FloatArray]
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def name_of(self, key: str | int) -> str:
+        """Name of a column given by name, or by number from 1.
+
+        Raises
+        ------
+        InputError
+            If there is none; names the closest.
+        """
+        names = list(self.columns)
+        if isinstance(key, int):
+            if 1 <= key <= len(names):
+                return names[key - 1]
+            raise InputError.of(f"file '{self.name}'", f"no column {key}", f"It has columns 1 to {len(names)}")
+        if key not in self.columns:
+            raise InputError.of(f"file '{self.name}'", f"no column '{key}'", did_you_mean(key, names))
+        return key
+
+    def column(self, key: str | int) -> FloatArray:
+        """A column by name, or by number from 1; raises as `name_of`."""
+        return self.columns[self.name_of(key)]
+
+
+def read_table(path: Path, contained: Contained | None = None, formats: Iterable[ImportFormat] = ()) -> Table:
+    """Read a file of any known format (`mofit.data.importers.registry`).
+
+    Parameters
+    ----------
+    path
+        The file.
+    contained
+        Process that reads formats which a library parses; by default one for this file alone.
+    formats
+        By default all that ship with mofit.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown or the file cannot be read.
+    """
+    where = f"file '{path.name}'"
+    try:
+        known = format_of(path, formats)
+        if path.stat().st_size == 0:
+            raise InputError.of(where, "the file has zero length", "Copy it again")
+        if not known.contained:
+            return Table(path.name, *known.read(path))
+        if contained is not None:
+            return Table(path.name, *contained.columns(path))
+        with Contained() as own:
+            return Table(path.name, *own.columns(path))
+    except OSError as error:
+        raise InputError.of(where, f"cannot be opened ({error.strerror or error})", "Check its permissions") from error
+
+
+def source_files(sources: Sequence[Path]) -> dict[str, Path]:
+    """All files that the sources (files, and folders of files) offer, by name.
+
+    Raises
+    ------
+    InputError
+        With every source that does not exist, or whose name is given twice.
+    """
+    files: dict[str, Path] = {}
+    issues = []
+    for source in sources:
+        if not source.exists():
+            issues.append(Issue(f"file '{source}'", "there is no such file or folder", "Check the path"))
+            continue
+        for path in sorted(filter(Path.is_file, source.iterdir())) if source.is_dir() else [source]:
+            if path.name in files and not path.samefile(files[path.name]):
+                issues.append(Issue(f"file '{path.name}'", "is given twice", "Name only one of them"))
+            files[path.name] = path
+    raise_errors(issues)
+    return files

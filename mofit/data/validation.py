@@ -1,0 +1,155 @@
+"""What every test must satisfy before anything is computed from it, and the longest part of a record that does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.errors import Issue
+from mofit.quantities import PERIODIC_EXCITATIONS
+
+#: departure of a time stamp from the uniform grid that counts as rounding, in sampling steps
+GRID_TOLERANCE = 0.05
+#: distance of two time stamps, in median sampling steps, above which one is missing between them
+MISSING = 1.5
+#: fewest samples from which period and noise can be found
+FEWEST_SAMPLES = 8
+#: a test this much shorter than its labelled period still counts as one (rigs run off their label)
+LABEL_TOLERANCE = 0.05
+
+
+def time_issues(where: str, time: FloatArray) -> list[Issue]:
+    """Everything that makes a time axis unusable: too short, not finite, not increasing, gaps, not uniform."""
+    where = f"{where}, variable 'time'"
+    if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
+        return [Issue(where, f"{time.size} samples", f"Give a record of at least {FEWEST_SAMPLES} samples")]
+    if issues := finite_issues(where, time):
+        return issues
+    steps = np.diff(time)
+    if (backward := np.flatnonzero(steps <= 0)).size:
+        at = backward[0]
+        what = f"does not increase after sample {at}: {time[at]:.6g} s, then {time[at + 1]:.6g} s ({backward.size}x)"
+        return [Issue(where, what, "Sort the samples and remove repeated ones, or cut the record there")]
+    step = float(np.median(steps))
+    if (gaps := np.flatnonzero(steps > MISSING * step)).size:
+        at = gaps[0]
+        what = f"{gaps.size} gap(s), the first after {time[at]:.6g} s: {steps[at]:.3g} s instead of {step:.3g} s"
+        hint = "Measure again, cut the record into two tests there, or import its longest stretch (gaps = 'longest')"
+        return [Issue(where, what, hint)]
+    index = np.arange(len(time))
+    off = np.max(np.abs(time - np.polyval(np.polyfit(index, time, 1), index))) / step
+    if off > GRID_TOLERANCE:
+        what = f"not uniform: a time stamp is {off:.2g} sampling steps off the grid"
+        return [Issue(where, what, "Resample to a constant rate, or give the true sample rate instead of the stamps")]
+    return []
+
+
+def finite_issues(where: str, values: FloatArray) -> list[Issue]:
+    """An issue that counts the samples that are NaN or infinite, if any."""
+    bad = np.flatnonzero(~np.isfinite(values))
+    if not bad.size:
+        return []
+    what = f"{bad.size} of {values.size} samples are NaN or infinite, the first at index {bad[0]}"
+    return [Issue(where, what, "Repair or cut the record; mofit does not invent samples")]
+
+
+def experiment_issues(
+    where: str, kind: str, time: FloatArray, channels: Mapping[str, Mapping[str, FloatArray]], frequency: float | None
+) -> list[Issue]:
+    """Everything that makes a test unusable.
+
+    Parameters
+    ----------
+    where
+        Its place, for messages.
+    kind
+        Of the excitation.
+    time
+        In s, shape (n,).
+    channels
+        Channels by name under ``"input"`` and ``"output"``; shape (n,) each.
+    frequency
+        On the label, in Hz, where there is one.
+    """
+    issues = time_issues(where, time)
+    for group in channels.values():
+        for name, values in group.items():
+            if len(values) != len(time):
+                message = f"{len(values)} samples, but {len(time)} time stamps"
+                issues.append(Issue(f"{where}, channel '{name}'", message, "Take columns of one table"))
+    if not issues:
+        issues += whole_period_issues(where, kind, time, frequency)
+    issues += [
+        Issue(where, f"no {role} channel", f"Add one, or set role = '{role}' on it")
+        for role, group in channels.items()
+        if not group
+    ]
+    return issues + channel_issues(where, kind, channels)
+
+
+def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, FloatArray]]) -> list[Issue]:
+    """Samples that are not finite, and channels that never move; channels are under ``"input"`` and ``"output"``."""
+    issues = []
+    for role, group in channels.items():
+        for name, values in group.items():
+            place = f"{where}, variable '{name}'"
+            bad = finite_issues(place, values)
+            issues += bad
+            if bad or not values.size or np.ptp(values) > 1e-12 * np.max(np.abs(values)):
+                continue
+            # a step may begin before the record, and a free system need not be driven
+            mild = role == "input" and kind in ("step", "free")
+            what = f"the {role} is constant ({values[0]:.6g})"
+            hint = "Check the sensor and the column; leave the test out if nothing moved"
+            issues.append(Issue(place, what, hint, "warning" if mild else "error"))
+    return issues
+
+
+def whole_period_issues(where: str, kind: str, time: FloatArray, frequency: float | None) -> list[Issue]:
+    """A periodic test that is shorter than the period of its label, or a label that is no frequency."""
+    if kind not in PERIODIC_EXCITATIONS or frequency is None:
+        return []
+    if not (np.isfinite(frequency) and frequency > 0):
+        what = f"frequency is {frequency:g} Hz"
+        return [Issue(f"{where}, attribute 'frequency'", what, "Give the frequency in Hz, above 0")]
+    periods = (time[-1] - time[0]) * len(time) / (len(time) - 1) * frequency
+    if periods >= 1 - LABEL_TOLERANCE:
+        return []
+    what = f"no whole period: {periods:.2g} periods of {frequency:g} Hz in the record"
+    return [Issue(where, what, "Record at least one whole period, better three; or correct the frequency")]
+
+
+def longest_stretch(time: FloatArray, signals: Iterable[FloatArray]) -> tuple[slice, int]:
+    """The longest stretch of a record without a gap, and the number of gaps in the whole record.
+
+    A gap is a run of samples at which the time or a signal is not finite, or a missing time stamp between two samples.
+
+    Parameters
+    ----------
+    time
+        Time stamps, shape (n,).
+    signals
+        What was recorded, shape (n,) each.
+
+    Returns
+    -------
+    stretch
+        Which samples; none if no sample is finite.
+    gaps
+        Number of gaps, those at the ends included.
+    """
+    finite = np.isfinite(time) & np.all([np.isfinite(signal) for signal in signals], axis=0)
+    steps = np.diff(time)
+    together = finite[1:] & finite[:-1]
+    median = np.median(steps[together]) if together.any() else np.inf
+    missing = together & (steps > MISSING * median)
+    joined = together & ~missing
+    starts = np.flatnonzero(finite & ~np.concatenate([[False], joined]))
+    ends = np.flatnonzero(finite & ~np.concatenate([joined, [False]])) + 1
+    gaps = int(np.count_nonzero(np.diff(np.concatenate([[True], finite])) & ~finite) + np.count_nonzero(missing))
+    if not len(starts):
+        return slice(0, 0), gaps
+    longest = int(np.argmax(ends - starts))
+    return slice(int(starts[longest]), int(ends[longest])), gaps

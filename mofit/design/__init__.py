@@ -1,0 +1,1 @@
+"""Optimal experimental design: expected uncertainty of planned tests, comparison of experiments, the next tests."""

@@ -1,0 +1,179 @@
+"""Comparisons and designs as plain data in SI units: what ``--json`` prints; terminal and pages read it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from mofit.design.comparison_result import Comparison, ParameterResult
+from mofit.design.design_job import Proposal
+from mofit.design.discrimination import ENOUGH
+from mofit.design.identifiability import IDENTIFIABLE, Identifiability
+from mofit.design.information import SourceInformation
+from mofit.design.optimal_design import Design
+
+COMPARE_SCHEMA = "mofit.compare/2"
+DESIGN_SCHEMA = "mofit.design/2"
+#: Single candidates that are listed.
+_BEST = 12
+
+
+def comparison_summary(comparison: Comparison) -> dict[str, Any]:
+    """Everything of a comparison; standard deviations are medians over the samples unless noted."""
+    known = comparison.sources[0]
+    source = known.source
+    found: dict[str, Any] = {
+        "schema": COMPARE_SCHEMA,
+        "model": source.model.name,
+        "values": {
+            name: {"value": float(value), "unit": source.space[name].unit}
+            for name, value in zip(source.space.names, known.samples[0], strict=True)
+        },
+        "samples": len(known.samples),
+        "experiments": [
+            {
+                "name": row.experiment.name,
+                "source": comparison.sources[row.experiment.source].source.name,
+                "tests": list(row.experiment.tests),
+                "seconds": row.seconds,
+                "condition_index": row.condition_index,
+                "parameters": {name: _result(entry, known) for name, entry in row.parameters.items()},
+            }
+            for row in comparison.experiments
+        ],
+        "information_share": [
+            {
+                "experiment": each.experiment,
+                "share": {
+                    name: dict(zip(each.tests, map(float, each.share[:, k]), strict=True))
+                    for k, name in enumerate(comparison.parameters)
+                },
+            }
+            for each in comparison.shares
+        ],
+        "not_identifiable": list(comparison.not_identifiable),
+        "augmentations": {
+            name: None if best is None else asdict(best) for name, best in comparison.augmentations.items()
+        },
+        "notes": list(comparison.notes),
+    }
+    if comparison.simulated:
+        found["posterior"] = {
+            experiment: {name: asdict(own) for name, own in parameters.items()}
+            for experiment, parameters in comparison.simulated.items()
+        }
+    return found
+
+
+def _result(entry: ParameterResult, known: SourceInformation) -> dict[str, Any]:
+    interval = None
+    if entry.profile is not None:
+        interval = [end if np.isfinite(end) else None for end in (entry.profile.low, entry.profile.high)]
+    own = {name: value for name, value in vars(entry).items() if name not in ("parameter", "profile")}
+    return {**own, "unit": known.source.space[entry.parameter].unit, "profile_interval": interval}
+
+
+def design_summary(proposal: Proposal) -> dict[str, Any]:
+    """Everything of a design; standard deviations are medians over the samples."""
+    found, job = proposal.design, proposal.job
+    parameters = {name: _parameter(found, name) for name in found.names}
+    summary: dict[str, Any] = {
+        "schema": DESIGN_SCHEMA,
+        "design": [
+            {
+                "name": candidate.name,
+                **candidate.plan.model_dump(exclude_none=True, exclude={"name"}),
+                "times": times,
+                "seconds": times * candidate.seconds,
+                "without": dict(zip(found.names, map(float, own), strict=True)),
+            }
+            for (candidate, times), own in zip(found.tests, found.without, strict=True)
+        ],
+        "seconds": found.seconds,
+        "expected": {name: entry["sd"] for name, entry in parameters.items()},
+        "parameters": parameters,
+        "criterion": {
+            "name": found.criterion.name,
+            "of": list(proposal.effects or job.combination or found.names),
+            "combination": dict(job.combination),
+            "robust": job.robust,
+            "before": found.value_before,
+            "after": found.value_after,
+        },
+        "exhaustive": found.exhaustive,
+        "samples": len(found.known.samples),
+        "values": dict(zip(found.known.source.space.names, map(float, found.known.samples[0]), strict=True)),
+        "pareto": [{"seconds": p.seconds, "value": p.value, "tests": dict(p.tests)} for p in found.pareto],
+        "singles": [
+            {
+                "name": found.candidates[i].name,
+                "seconds": found.candidates[i].seconds,
+                "value": float(found.singles[i]),
+                "relative_sd": dict(zip(found.names, map(float, found.single_sd[i]), strict=True)),
+            }
+            for i in _ranked(found)[:_BEST]
+        ],
+        "candidates": len(found.candidates),
+        "infeasible": dict(Counter(c.infeasible.partition(":")[0] for c in found.candidates if c.infeasible)),
+        "space": proposal.space.model_dump(exclude_none=True),
+        "notes": list(proposal.notes),
+    }
+    summary["not_identifiable"] = _not_identifiable(summary, proposal)
+    return summary
+
+
+def _not_identifiable(summary: Mapping[str, Any], proposal: Proposal) -> list[str]:
+    """What was asked for and is not reached even with the design, in sentences."""
+    if proposal.effects:
+        value = summary["criterion"]["after"]
+        if value >= ENOUGH:
+            return []
+        what = " and ".join(proposal.effects)
+        return [
+            f"The design does not discriminate {what}{'' if len(proposal.effects) > 1 else ' from no effect'}: "
+            f"noncentrality {value:.3g}, about {ENOUGH:g} is needed. More time, a wider space or calibration of the "
+            "other parameters may help."
+        ]
+    found = []
+    for name in proposal.job.parameters:
+        entry = summary["parameters"][name]
+        if entry["verdict"] != IDENTIFIABLE:
+            found.append(
+                f"{name} stays {entry['verdict']} with the design: expected standard deviation {entry['sd']:.3g} "
+                f"{entry['unit']} ({100 * entry['relative_sd']:.3g} % of its value); with all other parameters known "
+                f"it would be {entry['conditional_sd']:.3g} {entry['unit']}. More time or a wider space may help."
+            )
+    return found
+
+
+def _ranked(found: Design) -> list[int]:
+    """Feasible candidates, the best alone first."""
+    values = -found.singles if found.criterion.larger_is_better else found.singles
+    return [int(i) for i in np.argsort(values) if np.isfinite(values[i])]
+
+
+def _parameter(found: Design, name: str) -> dict[str, Any]:
+    known = found.known
+    place = known.source.space.index(name)
+
+    def sd(of: Identifiability) -> np.ndarray:
+        return (of.sd * known.derivative)[:, place]
+
+    relative = found.after.relative_sd[:, place]
+    return {
+        "sd": float(np.median(sd(found.after))),
+        "sd_before": float(np.median(sd(found.before))),
+        "sd_at_values": float(sd(found.after)[0]),
+        "relative_sd": float(np.median(relative)),
+        "relative_sd_before": float(np.median(found.before.relative_sd[:, place])),
+        "low": float(relative.min()),
+        "high": float(relative.max()),
+        "conditional_sd": float(np.median((found.after.conditional_sd * known.derivative)[:, place])),
+        "verdict": found.after.verdict(place),
+        "verdict_before": found.before.verdict(place),
+        "unit": known.source.space[name].unit,
+    }

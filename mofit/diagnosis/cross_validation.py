@@ -1,0 +1,221 @@
+"""How far the gap shrinks once the effect is added, on tests that were left out of the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.hypothesis import Hypothesis, Linear
+from mofit.diagnosis.integration import stable
+from mofit.diagnosis.model_search import Attribution
+from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.optimize import minimise_each
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Predictions of a test that the models were not fitted to.
+
+    ``before`` and ``after`` are the outputs without and with the effect over the samples used, (n,); ``start`` is the
+    first of those.
+    """
+
+    test: str
+    output: str
+    start: int
+    before: FloatArray
+    after: FloatArray
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    r"""Share of the gap that the effect removes on held-out tests.
+
+    .. math:: \eta = 1 - \frac{\sum_t g_{t, \mathrm{with}}^2}{\sum_t g_{t, \mathrm{without}}^2}
+
+    with :math:`g_t^2` the mean square of the prediction's error on test t relative to the output's range, beyond the
+    noise; every sample counts alike, however noisy.
+
+    Parameters
+    ----------
+    predicted
+        From the score test alone, before any refit.
+    refitted
+        After refits without each test in turn: the predictions against the fit to all tests.
+    low, high
+        90 % interval of the same.
+    observed
+        The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
+        hides a small gap.
+    held_out
+        The predictions.
+    """
+
+    predicted: float
+    refitted: float
+    low: float
+    high: float
+    observed: float
+    held_out: tuple[HeldOut, ...]
+
+
+def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage | None:
+    """Leave out one test at a time, fit the rest without and with the best model's effects, and compare.
+
+    None if a fit diverges in the test that it was not fitted to: too stiff for it.
+    """
+    observed, best = found.baseline.hypothesis.observed, found.best
+    limit, rows = observed.settings.cross_validation.p_value, len(observed.measured)
+    folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
+    without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
+    if not (stable(without) and stable(with_)):
+        return None
+    significant = {one.name for one in found.baseline_residuals.tests if one.p_value < limit}
+    direct = observed.explainable & observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
+    before, after = mean_squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
+    raw = 1 - after / before if before > 0 else 0.0
+    full, remainder = best.fitted.residual[:rows], found.best_residuals.p_value < limit
+    rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
+    low, refitted, high = _interval(best.fitted, with_ - full + rest, without - with_, seed)
+    points = {one.name: one.best for one in found.score_tests}
+    added = [c.sensitivities[points[c.name]] for name in best.effects for c in candidates if c.name == name]
+    predicted = _predicted(found.baseline, added, remainder)
+    return Shrinkage(predicted, refitted, low, high, min(raw, 1.0), tuple(_predictions(observed, *folds)))
+
+
+def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, FloatArray]:
+    """The hypothesis and its minima without one test each, (tests, d)."""
+    model, observed = fitted.hypothesis, fitted.hypothesis.observed
+    tests, rows = len(observed.problem.tests), len(observed.measured)
+    kept = np.ones((tests, len(fitted.residual)), dtype=bool)
+    kept[:, :rows] = observed.test[None, :] != np.arange(tests)[:, None]
+
+    def without(points: FloatArray, test: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        found = model.linear(points)
+        return Linear(
+            np.where(kept[test], found.residual, 0.0), found.jacobian * kept[test][..., None]
+        ).normal_equations()
+
+    starts = np.repeat(fitted.minimum.point[None], tests, axis=0)
+    points = minimise_each(without, starts, observed.settings.cross_validation.refit).points
+    # what is too stiff for the test that was left out shows there alone
+    return model.at_steps_for(points), points
+
+
+def _held_out_rows(observed: WhitenedData, model: Hypothesis, points: FloatArray) -> FloatArray:
+    """Residual of every row, predicted by the fit without its test, (m,)."""
+    residual = model.linear(points).residual
+    return np.asarray(residual[observed.test, np.arange(len(observed.measured))])
+
+
+def _signals(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_]) -> list[FloatArray]:
+    """Columns of whitened rows (m, k) as signals (n, k) per record, those rows that are kept.
+
+    Relative to the range of the output and the root of n: sums of squares are relative mean squares.
+    """
+    found = []
+    for i, (_, _, w) in enumerate(observed.records):
+        here = observed.record == i
+        columns = np.where(kept[here, None], rows[here], 0.0).T
+        signals = np.stack([w.signal(column) for column in columns], axis=1)
+        found.append(signals / (observed.ranges[i] * np.sqrt(w.count)))
+    return found
+
+
+def mean_squares(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
+    """Relative mean square of columns of whitened rows (m, k), summed over all records, (k,)."""
+    return np.sum([np.sum(signals**2, axis=0) for signals in _signals(observed, rows, kept)], axis=0)
+
+
+def _noise(observed: WhitenedData, kept: NDArray[np.bool_]) -> FloatArray:
+    """Relative mean square of the noise of every row that is kept, (m,)."""
+    return np.asarray(kept * observed.noise_share * observed.variance / observed.ranges[observed.record] ** 2)
+
+
+def _beyond_noise(observed: WhitenedData, residual: FloatArray) -> float:
+    """Share of the squares of a residual (m,) that is no noise."""
+    square = float(mean_squares(observed, residual[:, None], observed.explainable)[0])
+    return max(1 - float(_noise(observed, observed.explainable).sum()) / square, 0.0)
+
+
+def _interval(fitted: Fitted, error: FloatArray, gain: FloatArray, seed: int) -> list[float]:
+    """5 %, 50 % and 95 % quantiles of the share over the posterior of the parameters.
+
+    Parameters
+    ----------
+    fitted
+        The best model, fitted to all tests.
+    error
+        The fit to all tests minus the prediction without the test, (m,).
+    gain
+        By how much the effect moved that prediction, (m,).
+    seed
+        Of the draws.
+    """
+    observed, draws = fitted.hypothesis.observed, fitted.hypothesis.observed.settings.cross_validation.draws
+    jacobian = -fitted.jacobian[:, fitted.free]
+    normal = jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+    root = np.linalg.cholesky(np.linalg.inv(normal))
+    moved = np.random.default_rng(seed).standard_normal((draws, len(root))) @ root.T
+    columns = np.column_stack([error, gain, jacobian[: len(error)]])
+    products = np.sum([signals.T @ signals for signals in _signals(observed, columns, observed.explainable)], axis=0)
+    one, none = np.ones((draws, 1)), np.zeros((draws, 1))
+    after, before = (
+        np.einsum("di,ij,dj->d", mixed, products, mixed)
+        for mixed in (np.hstack([one, none, moved]), np.hstack([one, one, moved]))
+    )
+    return [float(value) for value in np.quantile(1 - after / before, (0.05, 0.5, 0.95))]
+
+
+def _predicted(baseline: Fitted, added: Sequence[FloatArray], remainder: bool) -> float:
+    """The share that the linearised models remove on each test when fitted to the others.
+
+    What they leave counts only if the best model is known to leave a ``remainder``: a strong effect bends its own
+    direction, and the linear rest of that does not count.
+    """
+    observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
+    model = -baseline.jacobian[:, baseline.free]
+    both = np.concatenate([model, *added], axis=1)
+    signals = _signals(observed, np.column_stack([baseline.residual[:rows], both[:rows]]), observed.explainable)
+    gap, uncertain, left = 0.0, 0.0, 0.0
+    for t in range(len(observed.problem.tests)):
+        fitted_to = np.ones(len(model), dtype=bool)
+        fitted_to[:rows] = observed.test != t
+        residual = baseline.residual[fitted_to]
+        (alone, _), (shift, covariance) = (_solved(columns[fitted_to], residual) for columns in (model, both))
+        for (test, _, _), here in zip(observed.records, signals, strict=True):
+            if test == t:
+                columns = here[:, 1:]
+                gap += float(np.sum((columns @ shift - columns[:, : len(alone)] @ alone) ** 2))
+                uncertain += float(np.sum(covariance * (columns.T @ columns)))
+                left += float(np.sum((here[:, 0] - columns @ shift) ** 2))
+    # what is left beyond noise and uncertainty, if that is no chance
+    noise = _noise(observed, observed.explainable)
+    left -= float(noise.sum()) + uncertain
+    clear = observed.settings.cross_validation.clear * float(np.sqrt(2 * noise @ noise))
+    uncertain += left if remainder and left > clear else 0.0
+    return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
+
+
+def _solved(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least-squares solution and its covariance; scaled, as effects have sizes of their own."""
+    scale = np.linalg.norm(columns, axis=0)
+    scaled = columns / scale
+    inverse = np.linalg.inv(scaled.T @ scaled + 1e-12 * np.eye(len(scale))) / np.outer(scale, scale)
+    return inverse @ (columns.T @ residual), inverse
+
+
+def _predictions(
+    observed: WhitenedData, before: tuple[Hypothesis, FloatArray], after: tuple[Hypothesis, FloatArray]
+) -> Iterator[HeldOut]:
+    outputs = [model.outputs(points) for model, points in (before, after)]
+    for test, output, w in observed.records:
+        series = [found[test][0][test, w.start : w.start + w.count, output] for found in outputs]
+        name = observed.problem.model.outputs[output].name
+        yield HeldOut(observed.problem.tests[test], name, w.start, series[0], series[1])

@@ -1,0 +1,196 @@
+"""An effect as a discrepancy of the model: in the dynamic tests alone, or present in the calibration tests too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.integration import SimulatorCache, clipped, with_enough_steps
+from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.identification.calibration import Calibration
+from mofit.models import Effect, incompatibility, with_effects
+from mofit.parameters import ParameterLayout, ParameterSpace
+from mofit.simulation import Simulator
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    r"""An effect at a point of its grid, and what it did to the calibration.
+
+    With the effect's size a the stages would have found :math:`m + \Delta - B \, (a - a_0)` in place of m.
+
+    Parameters
+    ----------
+    effect
+        The effect.
+    point
+        Values of the parameters that are undefined without it.
+    around
+        Size a_0 at which the stages were fitted, (q,).
+    shift
+        :math:`\Delta`, in the unit coordinates of the problem's space, (d,).
+    sensitivity
+        B, per unit of the size, (d, q); zero where the effect was not present in the calibration tests.
+    """
+
+    effect: Effect
+    point: Mapping[str, float]
+    around: FloatArray
+    shift: FloatArray
+    sensitivity: FloatArray
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def present_in_calibration(self) -> bool:
+        """Whether the effect was present in the calibration tests too."""
+        return bool(np.any(self.sensitivity))
+
+
+@dataclass(frozen=True)
+class CalibrationStages:
+    """The calibration stages, to be fitted again with effects in their tests.
+
+    Parameters
+    ----------
+    space
+        Free parameters of the main problem.
+    calibrations
+        The fitted stages.
+    simulators, settings
+        Compiled models; settings of the diagnosis.
+    """
+
+    space: ParameterSpace
+    calibrations: Sequence[Calibration]
+    simulators: SimulatorCache
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+
+    def discrepancies(self, effect: Effect) -> list[Discrepancy]:
+        """The effect at every point of its grid, in the dynamic tests alone and, where it moves the stages, in all."""
+        neutral = np.array([effect.neutral[name] for name in effect.size])
+        shift, sensitivity = np.zeros(len(self.space)), np.zeros((len(self.space), len(effect.size)))
+        dynamic = [Discrepancy(effect, point, neutral, shift, sensitivity) for point in effect.grid_points]
+        everywhere = [self.recalibrated(one, {**effect.neutral, **one.point}) for one in dynamic]
+        return [*dynamic, *(one for one in everywhere if one.present_in_calibration)]
+
+    def recalibrated(self, discrepancy: Discrepancy, values: Mapping[str, float]) -> Discrepancy:
+        """The discrepancy with the stages fitted again, the effect having these values in their tests.
+
+        The fits start from the stages' parameters in ``values``, or from their estimates, where they stay if the effect
+        is neutral. Where an effect is so large that a stage cannot be simulated or fitted with it, the discrepancy
+        stays as it is.
+        """
+        effect, size = discrepancy.effect, np.array([values[name] for name in discrepancy.effect.size])
+        shift, sensitivity = np.zeros(len(self.space)), np.zeros((len(self.space), len(effect.size)))
+        neutral = all(values[name] == effect.neutral[name] for name in effect.size)
+        own = {parameter.name: values[parameter.name] for parameter in effect.parameters}
+        for calibration in self.calibrations:
+            stage = calibration.problem
+            # effects that need the time or conditions of a test act on dynamic tests
+            if incompatibility(effect, stage.model) is not None or effect.inputs or effect.conditions:
+                continue
+            place = [self.space.index(name) for name in stage.space.names]
+            known = self.space.subset(stage.space.names)
+            estimate = calibration.values
+            start = estimate if neutral else {name: values.get(name, estimate[name]) for name in estimate}
+            found, slope = self._refitted(calibration, effect, own, start, not neutral)
+            # a stage that diverged may have left the logarithms' domain
+            with np.errstate(invalid="ignore"):
+                shift[place] += known.to_unit(found) - known.to_unit(list(estimate.values()))
+                sensitivity[place] += slope / known.derivative(found)[:, None]
+        if not (np.isfinite(shift).all() and np.isfinite(sensitivity).all()):
+            return discrepancy
+        return replace(discrepancy, around=size, shift=shift, sensitivity=sensitivity)
+
+    def _refitted(
+        self,
+        calibration: Calibration,
+        effect: Effect,
+        own: Mapping[str, float],
+        start: Mapping[str, float],
+        search: bool,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Estimates (k,) of a stage with the effect at its ``own`` values, minus their derivative by its size (k, q).
+
+        From a start near the minimum, which is kept without ``search``; nan where the stage cannot be simulated or the
+        derivatives are dependent.
+        """
+        stage = calibration.problem
+        names = stage.space.names
+        system, simulator = self.simulators.simulator(
+            with_effects(stage.model, effect),
+            stage.experiments,
+            (*names, *effect.size),
+            self.settings.integration.calibration_steps,
+        )
+        layout = ParameterLayout(system.parameters, ParameterSpace(()), {**stage.layout.fixed, **start, **own})
+
+        def simulated(at: Simulator, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+            """Whitened residual (m,) and minus its derivative by the stage's parameters and the size, (m, k + q)."""
+            here = layout.with_fixed(dict(zip(names, point, strict=True)))
+            residuals, slopes = [], []
+            outputs = at.sensitivities(here.full(np.zeros((1, 0))))
+            for experiment, weight, (output, slope) in zip(
+                stage.experiments, stage.noise.weights, outputs, strict=True
+            ):
+                scale = np.sqrt(weight * experiment.weights)
+                residuals.append((scale * (experiment.measured - output[0])).ravel())
+                slopes.append((scale[..., None] * slope[0]).reshape(-1, slope.shape[-1]))
+            return np.concatenate(residuals), np.concatenate(slopes)
+
+        point = np.array([start[name] for name in names])
+        if effect.states:
+            simulator = self._fine_enough(simulator, lambda at: simulated(at, point.tolist()))
+
+        @lru_cache(maxsize=1)
+        def rows(point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+            return simulated(simulator, point)
+
+        # trial steps may leave what can be simulated
+        with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            if search:
+                point = least_squares(
+                    lambda x: rows(tuple(x))[0],
+                    point,
+                    lambda x: -rows(tuple(x))[1][:, : len(names)],
+                    x_scale="jac",
+                    max_nfev=self.settings.fit.stage_evaluations,
+                ).x
+            # LAPACK would print of what is not finite
+            slopes = np.asarray_chkfinite(rows(tuple(point))[1])
+            sensitivity, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
+            if rank == len(names):
+                return point, np.asarray(sensitivity, dtype=np.float64)
+        return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
+
+    def _fine_enough(
+        self, simulator: Simulator, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]
+    ) -> Simulator:
+        """The simulator with as many steps as residual and derivatives need."""
+        settings = self.settings.integration
+
+        def both(at: Simulator) -> FloatArray:
+            residual, slopes = rows(at)
+            return clipped(np.column_stack([residual, slopes]))
+
+        def change(coarse: FloatArray, fine: FloatArray) -> float:
+            residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
+            sizes = np.linalg.norm(fine, axis=0)[1:] + np.finfo(float).tiny
+            return float(
+                max(
+                    residual / settings.calibration_output_change,
+                    np.max(slopes / sizes) / settings.calibration_sensitivity_change,
+                )
+            )
+
+        return with_enough_steps(simulator, both, change, 1.0, settings, settings.calibration_steps)[0]

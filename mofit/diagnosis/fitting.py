@@ -1,0 +1,178 @@
+"""Fits of a hypothesis, and the projector onto what its parameters cannot explain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.whitened_data import WhitenedData, whiten
+from mofit.errors import InputError
+from mofit.identification.calibration import calibrated_values
+from mofit.identification.problem_setup import set_up_problem
+from mofit.identification.settings import Settings
+from mofit.models import Model
+from mofit.optimize import Minimum, merge, refine
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A hypothesis at its minimum.
+
+    Parameters
+    ----------
+    hypothesis
+        What was fitted.
+    minimum
+        The best point; its value is half the sum of all whitened squares, prior included.
+    residual, jacobian
+        There, (m + p,) and (m + p, d); see `mofit.diagnosis.hypothesis.Linear`.
+    """
+
+    hypothesis: Hypothesis
+    minimum: Minimum
+    residual: FloatArray
+    jacobian: FloatArray
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimate per free parameter."""
+        space = self.hypothesis.space
+        return dict(zip(space.names, map(float, space.from_unit(self.minimum.point)), strict=True))
+
+    @property
+    def derivative(self) -> FloatArray:
+        """Derivative of every parameter's value by its unit coordinate at the minimum, (d,)."""
+        space = self.hypothesis.space
+        return space.derivative(space.from_unit(self.minimum.point))
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Parameters that are not at an active bound, (d,)."""
+        return np.asarray(self.minimum.at_bound == 0)
+
+    def without_tables(self) -> Fitted:
+        """The same with the memory given back that speeds up further fits."""
+        return replace(self, hypothesis=replace(self.hypothesis, simulator=self.hypothesis.simulator.without_tables()))
+
+    @property
+    def design(self) -> FloatArray:
+        """Derivatives of the simulated rows by the f free parameters, (m + p + f, f), a row of the box per parameter.
+
+        Those rows, of unit weight in box widths, keep an unidentifiable direction finite.
+        """
+        return np.concatenate([-self.jacobian[:, self.free], np.eye(int(self.free.sum()))])
+
+    def sd(self) -> FloatArray:
+        """Standard deviation of every parameter in unit coordinates, (d,); 0 at a bound."""
+        sd = np.zeros(len(self.free))
+        # not from the normal matrix: derivatives of all sizes meet here
+        sd[self.free] = np.linalg.norm(np.linalg.inv(np.linalg.qr(self.design, mode="r")), axis=1)
+        return sd
+
+
+@dataclass(frozen=True)
+class Projection:
+    r"""The projector :math:`M = I - J J^+` onto what the free parameters cannot explain.
+
+    Parameters at an active bound are dropped; below the rows of the tests stand those of the prior and of the box
+    (`Fitted.design`).
+
+    Parameters
+    ----------
+    basis
+        Orthonormal columns of J, (rows, f).
+    residual
+        M r, (rows,).
+    triangle
+        R of the QR decomposition, (f, f).
+    free
+        Which parameters are free, (d,).
+    """
+
+    basis: FloatArray
+    residual: FloatArray
+    triangle: FloatArray
+    free: NDArray[np.bool_]
+
+    def apply(self, columns: FloatArray) -> FloatArray:
+        """M times columns (m, k) on the rows of the tests; shape (rows, k)."""
+        padded = np.zeros((len(self.basis), columns.shape[1]))
+        padded[: len(columns)] = columns
+        return padded - self.basis @ (self.basis[: len(columns)].T @ columns)
+
+    def absorbed(self, column: FloatArray) -> FloatArray:
+        """Shift of all parameters (d,), in unit coordinates, that compensates best for rows (m,) added to the data."""
+        shift = np.zeros(len(self.free))
+        shift[self.free] = np.linalg.solve(self.triangle, self.basis[: len(column)].T @ column)
+        return shift
+
+    @property
+    def leverage(self) -> FloatArray:
+        """Share of every row's noise that the parameters absorb, (rows,)."""
+        return np.asarray(np.sum(self.basis**2, axis=1))
+
+
+def project(fitted: Fitted) -> Projection:
+    """The projector of a fitted hypothesis, with its residual."""
+    basis, triangle = np.linalg.qr(fitted.design)
+    residual = np.zeros(len(basis))
+    residual[: len(fitted.residual)] = fitted.residual
+    return Projection(basis, residual - basis @ (basis.T @ residual), triangle, fitted.free)
+
+
+def set_up(
+    model: Model,
+    campaign: Campaign,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    simulators: SimulatorCache | None = None,
+    diagnosis: DiagnosisSettings | None = None,
+) -> tuple[WhitenedData, FloatArray]:
+    """The whitened tests, and a start (d,): calibrated values, nominal ones where there are none."""
+    setup = set_up_problem(model, campaign, settings, tests)
+    problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
+    values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
+    observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs), diagnosis)
+    return observed, np.clip(problem.space.to_unit(values), 0.0, 1.0)
+
+
+def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
+    """Refine from starts (K, d).
+
+    Raises
+    ------
+    InputError
+        If no start can be simulated.
+    """
+    settings = model.observed.settings.fit
+    refine_settings = settings.fine_refine if model.steps >= settings.fine_steps else settings.refine
+    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), refine_settings))
+    if not found:
+        raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
+    here = model.linear(found[0].point[None])
+    return Fitted(model, found[0], here.residual[0], here.jacobian[0])
+
+
+def fit_baseline(observed: WhitenedData, start: FloatArray, seed: int) -> Fitted:
+    """Fit the model as it is, from a start (d,) and from Sobol points over the parameters without calibration."""
+    from scipy.stats import qmc  # late: its import takes half a second
+
+    model = hypothesis(observed)
+    searched = np.ones(len(start), dtype=bool)
+    searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
+    count = observed.settings.fit.starts
+    scattered = qmc.Sobol(len(start), rng=seed).random(count + 1)[:count]  # a power of two is balanced
+    starts = np.concatenate([start[None], np.where(searched, scattered, start)])
+    model = model.at_steps_for(start[None])
+    first = fit(model, starts)
+    # the minimum may be stiffer than the start
+    model = model.at_steps_for(first.minimum.point[None])
+    return fit(model, first.minimum.point[None]).without_tables()

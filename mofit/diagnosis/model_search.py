@@ -1,0 +1,242 @@
+"""Which effects, one or several, explain the gap: a forward search through candidate models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
+from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.refit import CandidateModel, rated, refit
+from mofit.diagnosis.residual_tests import Residuals, residual_tests
+from mofit.diagnosis.score_test import ScoreTest, score_tests
+from mofit.diagnosis.settings import DiagnosisSettings, SearchSettings
+from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.runtime.progress import Progress, silent
+
+
+@dataclass(frozen=True)
+class Attribution:
+    """All that was tried.
+
+    Parameters
+    ----------
+    baseline, baseline_residuals
+        The model without effects, and its residual tests.
+    score_tests
+        Of every candidate at the baseline, the most significant first.
+    models
+        Fitted candidate models, the best first; the baseline is one of them.
+    best_residuals
+        Residual tests of the best model.
+    """
+
+    baseline: Fitted
+    baseline_residuals: Residuals
+    score_tests: tuple[ScoreTest, ...]
+    models: tuple[CandidateModel, ...]
+    best_residuals: Residuals
+
+    @property
+    def best(self) -> CandidateModel:
+        """The model with the smallest criterion."""
+        return self.models[0]
+
+    @property
+    def p_value(self) -> float:
+        """Of a gap: the smallest of the residual tests and the score tests at the baseline."""
+        return min([self.baseline_residuals.p_value, *(one.p_holm for one in self.score_tests)])
+
+
+@dataclass(frozen=True)
+class _Search:
+    """Models fitted so far."""
+
+    baseline: Fitted
+    candidates: Sequence[Candidate]
+    settings: DiagnosisSettings
+    models: tuple[CandidateModel, ...]
+
+    @property
+    def best(self) -> CandidateModel:
+        return self.models[0]
+
+    def tried(self, effects: Iterable[str]) -> bool:
+        return tuple(sorted(effects)) in {one.effects for one in self.models}
+
+    def score_tests_at(self, base: Fitted) -> list[ScoreTest]:
+        return score_tests(base, prepared_at(base, self.candidates))
+
+    def moved_by(self, base: Fitted) -> set[str]:
+        """Candidates that need a condition of the tests which an effect of the fitted model moves."""
+        return {one.name for one in self.candidates if effects_moving(base, one.effect.needs)}
+
+    def extended(self, base: Fitted, added: Iterable[ScoreTest], progress: Progress) -> _Search:
+        """With refits of ``base`` plus each of the added effects."""
+        present = [effect.name for effect in base.hypothesis.effects]
+        fresh = [one for one in added if not self.tried([*present, one.name])]
+        contender = self.settings.search.contender
+        made: dict[str, CandidateModel] = {}
+        lowest = self.best.criterion
+        for number, one in enumerate(fresh):
+            progress("refit", number, len(fresh), " + ".join([*present, one.name]))
+            if (fitted := refit(base, one, lowest + contender)) is not None:
+                made[one.name] = rated(fitted, len(self.candidates))
+                lowest = min(lowest, made[one.name].criterion)
+        limit = lowest + contender
+        contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
+        # close to the best it matters whether the effect was present in the calibration tests
+        for one in (other for contender in contenders if (other := contender.alternative) is not None):
+            if (fitted := refit(base, one, limit)) is not None:
+                better, worse = sorted((made[one.name], rated(fitted, len(self.candidates))), key=_order)
+                made[one.name] = replace(better, alternative=worse)
+        return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)))
+
+    def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
+        """With a refit of just these effects, added one by one."""
+        if self.tried(effects):
+            return self
+        *first, last = effects
+        state = self.reached(first, progress)
+        bases = [one.fitted for one in state.models if one.effects == tuple(sorted(first))]
+        added = [one for base in bases for one in state.score_tests_at(base) if one.name == last]
+        return state.extended(bases[0], added, progress) if bases else state
+
+
+def attribute(
+    baseline: Fitted, candidates: Sequence[Candidate], settings: DiagnosisSettings, progress: Progress = silent
+) -> Attribution:
+    """Search forwards: single effects first, then one more at a time as long as something significant is left.
+
+    A model with more effects is best only if its information criterion is, and every part of the best set is tried too:
+    so the search prunes backwards as well.
+    """
+    scores, residuals = score_tests(baseline, candidates), residual_tests(baseline)
+    state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
+    nothing = Attribution(baseline, residuals, tuple(scores), state.models, residuals)
+    if nothing.p_value >= settings.significance.gap:
+        return nothing
+    state = state.extended(baseline, _promising(scores, settings.search.promising, settings.search), progress)
+    if residual_tests(state.best.fitted).p_value < settings.significance.residual:
+        # a strong effect bends its own direction: what looked hopeless at neutral size may be right
+        relaxed = _promising(scores, settings.search.relaxed_promising, settings.search)
+        state = state.extended(baseline, relaxed, progress)
+    for count in range(1, settings.search.most_effects):
+        # of two effects one would have explained more, and of three two, unless one moves the other
+        share, doubt = settings.search.unexplained[count - 1], settings.search.doubt if count == 1 else 0.0
+        state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
+    return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted))
+
+
+def _leaves_more(state: _Search, share: float, doubt: float) -> bool:
+    """Whether the best model leaves more than this share of the baseline's whitened squares beyond the noise.
+
+    The gain is known well, the whole only as far as the noise's own squares are: it may be less by ``doubt`` of their
+    standard deviations.
+    """
+    where = state.baseline.hypothesis.observed.explainable
+    noise = where.sum() + doubt * np.sqrt(2 * where.sum())
+    left, whole = (
+        float(np.sum(fitted.residual[: len(where)][where] ** 2)) for fitted in (state.best.fitted, state.baseline)
+    )
+    return bool(whole - left < (1 - share) * (whole - noise))
+
+
+def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) -> _Search:
+    """Extend models of ``count`` effects by one more where something is left, the most promising sets first.
+
+    Maybe only by what an effect of theirs moves: at a wrong speed a wheel turns with a wrong frequency, and neither
+    explains anything alone.
+    """
+    settings = state.settings
+    level = [one for one in state.models if len(one.effects) == count][: settings.search.most_refits]
+    if only_moved:
+        level = [one for one in level if state.moved_by(one.fitted)]
+    if not level:
+        return state
+    scores = [state.score_tests_at(level[0].fitted)]
+    left = min([residual_tests(level[0].fitted).p_value, *(one.p_holm for one in scores[0])])
+    if left < settings.significance.one_more:
+        scores += [state.score_tests_at(one.fitted) for one in level[1:]]
+        if only_moved:
+            moved = [state.moved_by(one.fitted) for one in level]
+            scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]
+        for base, added in best_extensions(level, scores, settings.search):
+            state = state.extended(base, added, progress)
+    best = state.best.effects
+    for left_out in best if len(best) > 1 else ():
+        state = state.reached([name for name in best if name != left_out], progress)
+    return state
+
+
+def best_extensions(
+    level: Sequence[CandidateModel], scores: Sequence[Sequence[ScoreTest]], settings: SearchSettings
+) -> list[tuple[Fitted, list[ScoreTest]]]:
+    """What to add to which model: the sets for which the score tests promise the best criteria.
+
+    Parameters
+    ----------
+    level
+        Models, the best first.
+    scores
+        Score tests at each of them.
+    settings
+        How many sets, and how promising.
+    """
+    promised: dict[tuple[str, ...], tuple[float, CandidateModel, ScoreTest]] = {}
+    for base, own in zip(level, scores, strict=True):
+        for one in own:
+            effects = tuple(sorted((*base.effects, one.name)))
+            criterion = base.criterion - one.statistic
+            if one.statistic > 0 and criterion < promised.get(effects, (np.inf,))[0]:
+                promised[effects] = criterion, base, one
+    best = sorted(promised.values(), key=lambda found: found[0])[: settings.most_extensions]
+    gain = level[0].criterion - best[0][0] if best else 0.0
+    limit = level[0].criterion - settings.extension_promising * gain
+    chosen = [(base, one) for criterion, base, one in best if criterion < limit]
+    return [(base.fitted, added) for base in level if (added := [one for by, one in chosen if by is base])]
+
+
+def _promising(scores: Sequence[ScoreTest], share: float, settings: SearchSettings) -> list[ScoreTest]:
+    """Those with at least this share of the largest T, the largest first."""
+    largest = max((one.statistic for one in scores), default=0.0)
+    kept = [one for one in scores if one.statistic > share * largest and one.statistic > 0]
+    return sorted(kept, key=lambda one: -one.statistic)[: settings.most_refits]
+
+
+def _order(model: CandidateModel) -> float:
+    return model.criterion if np.isfinite(model.criterion) else np.inf
+
+
+def with_final_estimates(
+    found: Attribution, observed: WhitenedData, remainder: float, reported: Sequence[CandidateModel]
+) -> Attribution:
+    r"""The baseline and the reported models fitted again with what the best one leaves counted as noise.
+
+    Weighted by the noise alone, the lines with the least noise decide, though what a model misses is no smaller there,
+    and intervals hold the noise alone. With the remainder on all lines, relative to the output's range and the same in
+    all tests, the estimates come near those of ordinary least squares, and the intervals say how far such a remainder
+    moves them. What is significant was decided before, and stays.
+
+    Parameters
+    ----------
+    found
+        What was tried.
+    observed
+        The tests with their own noise.
+    remainder
+        Root mean square of what the best model leaves, relative to the output's range.
+    reported
+        The models that are reported beside the best.
+    """
+    noisy = with_discrepancy(observed, remainder, everywhere=True)
+
+    def again(fitted: Fitted) -> Fitted:
+        here = fitted.minimum.point[None]
+        return fit(replace(fitted.hypothesis, observed=noisy).at_steps_for(here), here)
+
+    kept = {id(one) for one in (found.best, *reported)}
+    models = [replace(one, fitted=again(one.fitted)) if id(one) in kept else one for one in found.models]
+    return replace(found, baseline=again(found.baseline), models=tuple(models))

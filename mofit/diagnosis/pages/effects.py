@@ -1,0 +1,171 @@
+"""Which effects: those named with their sizes, the models that were fitted, and what is ruled out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text, badge, words
+from mofit.report.toolkit.figures import BASELINE, Panels, mode_colour
+from mofit.report.toolkit.formatting import compact, number, p_value, percent, symbol, unit_text, with_sd
+
+#: Most models and candidates that are shown.
+_SHOWN = 12
+#: Width of a 90 % interval in standard deviations.
+_INTERVAL = 3.29
+#: Difference of the criterion, p-value and confounding that the reasons rest on.
+_WORSE, _SIGNIFICANT, _HIDDEN = 6.0, 0.01, 0.99
+
+
+def effects_section(data: Mapping[str, Any]) -> Section:
+    """Named effects, fitted models, score statistics, and the bias of the model's own parameters."""
+    named = bool(data["effects"])
+    blocks: list[Block] = [_named_table(data) if named else Text("No effect is named.")]
+    if len(data["fitted_models"]) > 1:
+        blocks.append(_models_table(data))
+    blocks.append(_scores_figure(data))
+    if named:
+        blocks.append(_bias_table(data))
+    keys = ("effects", "fitted_models", "candidates", "model_parameters")
+    return Section("which", "Which effect causes it", blocks, {key: data[key] for key in keys})
+
+
+def _title(data: Mapping[str, Any], name: str) -> str:
+    return str(data["titles"].get(name, name))
+
+
+def _named_table(data: Mapping[str, Any]) -> Table:
+    effects = data["effects"]
+    sds = [(one["size_high"] - one["size_low"]) / _INTERVAL for one in effects]
+    expected = {one["name"]: compact(float(np.linalg.norm(one["expected_size"])), 3) for one in data["candidates"]}
+    pair = Markup("{} = {}")
+    return Table(
+        [
+            Column("Effect", [_title(data, one["name"]) for one in effects]),
+            Column("Probability", [percent(one["probability"]) for one in effects]),
+            Column("Size", [with_sd(one["size"], sd) for one, sd in zip(effects, sds, strict=True)]),
+            Column(
+                "90 % interval",
+                [
+                    f"{with_sd(one['size_low'], sd)} to {with_sd(one['size_high'], sd)}"
+                    for one, sd in zip(effects, sds, strict=True)
+                ],
+            ),
+            Column("Expected", [expected.get(one["name"], "–") for one in effects]),
+            words("Unit", [unit_text(one["unit"]) for one in effects]),
+            words(
+                "Parameters",
+                [
+                    Markup(", ").join(pair.format(symbol(k), compact(v, 4)) for k, v in one["parameters"].items())
+                    for one in effects
+                ],
+            ),
+            words("Present in", ["all tests" if one["present_in_calibration"] else "dynamic tests" for one in effects]),
+        ],
+        "Named effects with their fitted size. Expected: the score test's estimate, before any refit. Present in: "
+        "whether the calibration tests seem to have had the effect too.",
+    )
+
+
+def _models_table(data: Mapping[str, Any]) -> Table:
+    models, equal = data["fitted_models"][:_SHOWN], len(data["candidate_models"])
+    caption = "Models that were fitted in full, by information criterion."
+    return Table(
+        [
+            Column("Effects", [" + ".join(_title(data, name) for name in one["effects"]) or "none" for one in models]),
+            Column("Criterion above the best", [number(one["criterion"], 3) for one in models]),
+            Column("Probability", [percent(one["probability"]) for one in models]),
+        ],
+        caption + (f" These data cannot distinguish the first {equal}." if equal > 1 else ""),
+    )
+
+
+def _scores_figure(data: Mapping[str, Any]) -> Figure:
+    candidates = [one for one in data["candidates"] if one["statistic"] > 0][:_SHOWN]
+    candidates.sort(key=lambda one: one["statistic"])
+    named = {effect["name"] for effect in data["effects"]}
+    panels = Panels(1, 1, 0.2 * max(len(candidates), 3) + 0.1, margin=(2.6, 0.5, 0.2), top=0.3)
+    axes = panels.axes[0]
+    axes.barh(
+        [_title(data, one["name"]) for one in candidates],
+        [one["statistic"] for one in candidates],
+        color=[mode_colour(0) if one["name"] in named else BASELINE for one in candidates],
+    )
+    axes.set_xscale("symlog", linthresh=10)
+    axes.set_xlabel("score statistic T (without the effect: chi-square, one degree of freedom per size component)")
+    axes.grid(axis="y", visible=False)
+    return panels.figure(
+        "Score statistic of the candidates",
+        "How much of the residual of the model without effects each effect would explain; blue: named. Effects that "
+        "resemble the right one score as well: the full fits decide.",
+        good="one bar is much longer than the others, and it is blue.",
+        bad="several bars are equally long: see what to test next.",
+    )
+
+
+def _bias_table(data: Mapping[str, Any]) -> Table:
+    own = data["model_parameters"]
+    return Table(
+        [
+            Column("Parameter", [symbol(name) for name in own]),
+            Column("Without the effect", [compact(one["before"], 4) for one in own.values()]),
+            Column("With", [compact(one["after"], 4) for one in own.values()]),
+            words("Unit", [unit_text(one["unit"]) for one in own.values()]),
+            Column(
+                "Bias",
+                [
+                    percent((one["before"] - one["after"]) / one["after"]) if one["after"] else "–"
+                    for one in own.values()
+                ],
+            ),
+            words("", [_bias_badge(one) for one in own.values()]),
+        ],
+        "A small residual is not a small effect: the model's own parameters absorb it where they can. Biased: moved by "
+        "more than three standard deviations.",
+    )
+
+
+def _bias_badge(one: Mapping[str, Any]) -> Markup:
+    if one["at_bound"]:
+        return badge("at a bound", "bad")
+    biased = one["sd"] > 0 and abs(one["before"] - one["after"]) > 3 * one["sd"]
+    return badge("biased", "bad") if biased else badge("fine", "good")
+
+
+def ruled_out_section(data: Mapping[str, Any]) -> Section:
+    """The candidates that are not named, and why; effects that could not be candidates."""
+    named = {effect["name"] for effect in data["effects"]}
+    others = [one for one in data["candidates"] if one["name"] not in named]
+    blocks: list[Block] = [
+        Table(
+            [
+                Column("Effect", [_title(data, one["name"]) for one in others]),
+                Column("T", [number(one["statistic"], 3) for one in others]),
+                Column("p", [p_value(one["p_value"]) for one in others]),
+                Column("Confounding", [percent(one["confounding"]) for one in others]),
+                words("Why not", [_reason(one, data) for one in others]),
+            ],
+            "T: score statistic; p: corrected for the number of candidates. Confounding: share of the effect that the "
+            "model's own parameters absorb, so that it is hidden.",
+        )
+        if others
+        else Text("Every candidate is named.")
+    ]
+    if left_out := data["left_out"]:
+        table = Table([words("Effect", list(left_out)), words("Why", list(left_out.values()))])
+        blocks.append(Details("Effects that could not be candidates", [table]))
+    numbers = {"candidates": data["candidates"], "left_out": left_out}
+    return Section("ruled_out", "What is ruled out", blocks, numbers)
+
+
+def _reason(one: Mapping[str, Any], data: Mapping[str, Any]) -> str:
+    alone = next((model for model in data["fitted_models"] if model["effects"] == [one["name"]]), None)
+    if one["p_value"] > _SIGNIFICANT:
+        hidden = ", but these tests would hardly show it" if one["confounding"] > _HIDDEN else ""
+        return f"not significant{hidden}"
+    if alone is not None and alone["criterion"] > _WORSE:
+        return f"fits worse: criterion {compact(alone['criterion'], 3)} above the best"
+    return "its score is far below the best"

@@ -1,0 +1,190 @@
+"""Where the gap lies: tests and spectral classes, input and rate, time, and whether single tests agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+from mofit.report.toolkit.axes import heat_map
+from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, words
+from mofit.report.toolkit.figures import BASELINE, MEASURED, Panels, line_key, mode_colour
+from mofit.report.toolkit.formatting import display_unit, number, p_value, parameter_label, percent, symbol
+
+#: p-value, corrected for the number of entries, below which one is set in bold.
+_SIGNIFICANT = 0.01
+#: Most residual tests that are listed.
+_MOST_TESTS = 6
+#: Width of a letter of a test's name, inches; letters for which there is room beside the maps.
+_LETTER, _LONGEST = 0.07, 40
+_BEFORE, _AFTER = "without effects", "with the best model"
+
+
+def where_section(data: Mapping[str, Any]) -> Section:
+    """Residual tests, and three maps of what the model without effects leaves."""
+    before, after = data["residual_maps"]["before"], data["residual_maps"]["after"]
+    unit = data["where"]["unit"]
+    blocks: list[Block] = [
+        Text(
+            "The gap is the part of measured minus simulated beyond the noise. The noise differs from period to period."
+        ),
+        _tests_table(data["where"], data["residual"]),
+        _classes_figure(before, after, unit),
+        _input_figure(before["input"], data["records"][0], unit),
+        _time_figure(before["time"], after["time"], unit),
+    ]
+    return Section("where", "Where the gap lies", blocks, {"residual_maps": data["residual_maps"]})
+
+
+def _tests_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:
+    """The most significant residual tests: those of the best model first, then those of the baseline."""
+    sources = [{test["name"]: test for test in one["residual_tests"]} for one in (before, after)]
+    described = {name: test["description"] for one in reversed(sources) for name, test in one.items()}
+    names = list(described)[:_MOST_TESTS]
+    if not names:
+        return Text("No residual test is significant.")
+    shown = display_unit(before["unit"], max(test["rms"] for one in sources for test in one.values()))
+    columns = [words("Residual test", [described[name] for name in names])]
+    for title, tests in zip((_BEFORE, _AFTER), sources, strict=True):
+        found = [tests.get(name) for name in names]
+        sizes = ["–" if test is None else number(shown.factor * test["rms"], 2) for test in found]
+        columns.append(Column(f"{title} ({shown.name})", sizes))
+        columns.append(Column("p", ["–" if test is None else p_value(test["p_value"]) for test in found]))
+    return Table(
+        columns,
+        "Tests of the residual that need no candidate effect: root mean square over all tests beyond the noise, and "
+        "p-value corrected for the number of residual tests. A dash: not significant.",
+    )
+
+
+def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: str) -> Figure:
+    tests = list(dict.fromkeys(entry["test"] for entry in before["residuals"]))
+    present = {entry["lines"] for entry in before["residuals"]}
+    classes = {one.name: one.label for one in SPECTRAL_CLASSES if one.name in present}
+    largest = max((entry["gap"] for entry in before["residuals"]), default=1.0) or 1.0
+    shown = display_unit(unit, largest)
+    left = 0.25 + _LETTER * min(max(map(len, tests), default=0), _LONGEST)
+    panels = Panels(2, 2, 0.27 * len(tests) + 0.2, margin=(left, 0.65, 0.1), top=0.5, gap=(0.25, 0.5))
+    for axes, source, title in zip(panels.axes, (before, after), (_BEFORE, _AFTER), strict=True):
+        _class_map(axes, source["residuals"], tests, classes, largest, shown.factor)
+        axes.set_title(f"{title}: gap ({shown.name})")
+    panels.axes[1].set_yticklabels([])
+    return panels.figure(
+        "Gap per test and spectral class, before and after",
+        "Root mean square of the gap per test and class of spectral lines: constant; odd, even and half multiples of "
+        "the excitation frequency; wheel and drum order; the rest. Bold: significant at 1 % over the whole map.",
+        good="no cell on the right is bold.",
+        bad="a column or a run of cells is bold on the right as well: no named effect explains what is left there.",
+    )
+
+
+def _class_map(
+    axes: Axes,
+    entries: Sequence[Mapping[str, Any]],
+    tests: Sequence[str],
+    classes: Mapping[str, str],
+    largest: float,
+    factor: float,
+) -> None:
+    values = np.zeros((len(tests), len(classes)))
+    for entry in entries:
+        i, k = tests.index(entry["test"]), list(classes).index(entry["lines"])
+        significant = entry["p_value"] * len(entries) < _SIGNIFICANT
+        values[i, k] = entry["gap"]
+        grey = "black" if significant else BASELINE
+        axes.text(
+            k,
+            i,
+            number(factor * entry["gap"], 2),
+            ha="center",
+            va="center",
+            fontsize=7.5,
+            weight="bold" if significant else "normal",
+            color="white" if entry["gap"] > 0.45 * largest else grey,
+        )
+    heat_map(axes, values, tests, list(classes.values()), cmap="Blues", vmin=0, vmax=largest)
+
+
+def _input_figure(found: Mapping[str, Any], record: Mapping[str, Any], unit: str) -> Figure:
+    gap = np.asarray(found["gap"], dtype=float)
+    clear = np.where(np.abs(gap) > 2 * np.asarray(found["error"], dtype=float), gap, np.nan)
+    edges = [np.asarray(found[key]) for key in ("input_edges", "rate_edges")]
+    x, y = (display_unit(record["input_unit"], edge) for edge in edges)
+    shown = display_unit(unit, np.nan_to_num(gap))
+    largest = shown.factor * (float(np.nanmax(np.abs(gap))) or 1.0 if np.isfinite(gap).any() else 1.0)
+    panels = Panels(2, 2, 2.6, margin=(0.8, 0.55, 0.1), top=0.4, gap=(1.0, 0.5))
+    for axes, values, title in zip(panels.axes, (gap, clear), ("mean gap", "beyond two standard errors"), strict=True):
+        mesh = (x.factor * edges[0], y.factor * edges[1], shown.factor * values.T)
+        axes.pcolormesh(*mesh, cmap="RdBu_r", vmin=-largest, vmax=largest)
+        axes.set_title(f"{title} (±{number(largest, 2)} {shown.name})")
+        axes.set_xlabel(x.label(record["input_name"]))
+        axes.set_ylabel(f"its rate ({y.name}/s)")
+        axes.grid(visible=False)
+    return panels.figure(
+        "Mean gap over the input and its rate",
+        "Mean of measured minus simulated over the input and its rate, on lines that a model can explain. Red: the "
+        "measured output is larger.",
+        good="no pattern, and hardly a cell on the right.",
+        bad="bands along the input (a static curve is wrong) or along its rate (a dynamic part is).",
+    )
+
+
+def _time_figure(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], unit: str) -> Figure:
+    shown = display_unit(unit, np.concatenate([part["gap"] for part in before]))
+    legend = [line_key(BASELINE, _BEFORE), line_key(mode_colour(0), _AFTER)]
+    panels = Panels(1, 1, 1.7, legend=legend, margin=(0.8, 0.55, 0.15), top=0.45)
+    axes, offset, timed = panels.axes[0], 0.0, all(part["start_time"] is not None for part in before)
+    for part, later in zip(before, after, strict=True):
+        time = np.asarray(part["time"]) + (part["start_time"] if timed else offset)
+        axes.plot(time, shown.factor * np.asarray(part["gap"]), color=BASELINE, marker=".")
+        axes.plot(time, shown.factor * np.asarray(later["gap"]), color=mode_colour(0), marker=".")
+        offset = float(time[-1]) * 1.02
+    axes.set_ylim(bottom=0)
+    x = "time since the campaign began (s)" if timed else "tests one after another (s)"
+    panels.label(x, shown.label("residual"))
+    return panels.figure(
+        "Residual over time",
+        "Root mean square of the residual within each test, on lines that a model can explain; the noise on these "
+        "lines is included.",
+        good="level.",
+        bad="rising or falling within the tests, or from test to test in the order in which they were run.",
+    )
+
+
+def homogeneity_section(data: Mapping[str, Any]) -> Section | None:
+    """Estimates from each test alone; None where fewer than two tests inform any parameter."""
+    found = [one for one in data["test_estimates"] if len(one["tests"]) > 1]
+    if not found:
+        return None
+    panels = Panels(len(found), 3, 1.8, margin=(0.8, 0.85, 0.15), top=0.4, gap=(0.8, 1.1))
+    for axes, one in zip(panels.axes, found, strict=True):
+        place = np.arange(len(one["tests"]))
+        axes.errorbar(place, one["values"], np.asarray(one["sds"]), color=MEASURED, ls="none", marker="o", ms=4)
+        axes.set_xticks(place, one["tests"], rotation=40, ha="right", fontsize=7)
+        axes.set_title(parameter_label(one["parameter"], one["unit"]))
+    figure = panels.figure(
+        "Estimates from each test alone",
+        "A parameter per panel: its estimate from each test alone, with standard deviation.",
+        good="the bars overlap.",
+        bad="the estimates drift from test to test: the parameter compensates for something that the model lacks.",
+    )
+    verdicts = [badge("agree", "good") if one["p_value"] >= _SIGNIFICANT else badge("disagree", "bad") for one in found]
+    table = Table(
+        [
+            Column("Parameter", [symbol(one["parameter"]) for one in found]),
+            Column("Tests", [str(len(one["tests"])) for one in found]),
+            Column("p", [p_value(one["p_value"]) for one in found]),
+            Column("I²", [percent(one["i_squared"]) for one in found]),
+            words("Verdict", verdicts),
+        ],
+        "Cochran's test of homogeneity. I²: share of the scatter beyond the estimates' own uncertainty.",
+    )
+    text = Text(
+        "Each test alone, near the joint minimum of the model without effects. If the model is right, the estimates "
+        "differ by no more than their standard deviations explain."
+    )
+    data = {"test_estimates": data["test_estimates"]}
+    return Section("homogeneity", "Do single tests agree?", [text, figure, table], data)

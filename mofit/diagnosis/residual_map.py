@@ -1,0 +1,247 @@
+"""Where the gap lies: over tests and spectral classes, over input and rate, over time, and over parameter estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.fitting import Fitted, project
+from mofit.diagnosis.residual_tests import power_test
+from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.results import cochran
+from mofit.simulation import first_input
+
+#: Standard deviation of a uniform prior over the box.
+_PRIOR_SD = 12**-0.5
+
+
+@dataclass(frozen=True)
+class ResidualEntry:
+    """The gap on one spectral class of one test.
+
+    Parameters
+    ----------
+    test, output, lines
+        Where; ``lines`` names the class.
+    gap, noise
+        Root mean square of the residual beyond the noise, and of the noise on the same lines, in the output's unit.
+    of_peak
+        The gap relative to the output's largest deviation from its mean.
+    share
+        Of the squares of the whole residual on the lines that can be explained.
+    p_value
+        Of such a power without a gap.
+    """
+
+    test: str
+    output: str
+    lines: str
+    gap: float
+    noise: float
+    of_peak: float
+    share: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class InputMap:
+    """Mean gap over the input and its rate: edges (c + 1,), mean gap and its standard error (c, c); nan where empty."""
+
+    input_edges: FloatArray
+    rate_edges: FloatArray
+    gap: FloatArray
+    error: FloatArray
+
+
+@dataclass(frozen=True)
+class TimeMap:
+    """Gap over the time of one test: middles of its intervals [s] and the root mean square of the gap there."""
+
+    test: str
+    start_time: float | None
+    time: FloatArray
+    gap: FloatArray
+    noise: float
+
+
+@dataclass(frozen=True)
+class ResidualMap:
+    """The gap of one fitted hypothesis, located.
+
+    ``squares`` is the mean square of the gap per test (negative by chance where there is none), ``peaks`` the largest
+    deviation of the output from its mean.
+    """
+
+    unit: str
+    entries: tuple[ResidualEntry, ...]
+    squares: Mapping[str, float]
+    peaks: Mapping[str, float]
+    input_map: InputMap
+    time_maps: tuple[TimeMap, ...]
+
+    @property
+    def gap(self) -> float:
+        """Root mean square of the gap over all tests, in the unit of the (first) output."""
+        return float(np.sqrt(max(float(np.mean(list(self.squares.values()))), 0.0)))
+
+    @property
+    def relative(self) -> float:
+        """Root mean square of the gap relative to the output's range, over all tests."""
+        # a range is about two peaks
+        squares = [max(square, 0.0) / (2 * self.peaks[test]) ** 2 for test, square in self.squares.items()]
+        return float(np.sqrt(np.mean(squares)))
+
+    @property
+    def largest_of_peak(self) -> float:
+        """Largest gap of a test relative to its output's peak."""
+        return max(np.sqrt(max(square, 0.0)) / self.peaks[test] for test, square in self.squares.items())
+
+    def significant(self, p_value: float) -> list[ResidualEntry]:
+        """Entries below a p-value, corrected for their number."""
+        return [one for one in self.entries if one.p_value * len(self.entries) < p_value]
+
+
+def residual_map(fitted: Fitted) -> ResidualMap:
+    """Locate the residual of a fitted hypothesis."""
+    observed, projection = fitted.hypothesis.observed, project(fitted)
+    rows, tests = len(observed.measured), observed.problem.tests
+    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
+    squares = (residual**2 - expected) * observed.variance
+    used = [observed.used_samples(i) for i in range(len(observed.records))]
+    peaks = [float(np.max(np.abs(values - values.mean()))) for values in used]
+    explainable = max(float(squares[observed.explainable].clip(0).sum()), np.finfo(float).tiny)
+    entries = []
+    for i, (test, output, _) in enumerate(observed.records):
+        for name in (one.name for one in SPECTRAL_CLASSES):
+            here = (observed.record == i) & observed.of(name)
+            if not here.any():
+                continue
+            power = max(float(squares[here].sum()), 0.0)
+            entries.append(
+                ResidualEntry(
+                    test=tests[test],
+                    output=observed.problem.model.outputs[output].name,
+                    lines=name,
+                    gap=float(np.sqrt(power)),
+                    noise=float(np.sqrt(observed.variance[here].sum())),
+                    of_peak=float(np.sqrt(power)) / peaks[i],
+                    share=power / explainable if name != "other" else 0.0,
+                    p_value=power_test(name, residual, expected, observed, here).p_value,
+                )
+            )
+    kept = np.where(observed.explainable, residual, 0.0)
+    gaps = [w.signal(kept[observed.record == i]) for i, (_, _, w) in enumerate(observed.records)]
+    totals = [float(squares[observed.explainable & (observed.test == t)].sum()) for t in range(len(tests))]
+    return ResidualMap(
+        observed.problem.model.outputs[0].unit,
+        tuple(entries),
+        dict(zip(tests, totals, strict=True)),
+        {tests[test]: peak for (test, _, _), peak in zip(observed.records, peaks, strict=True)},
+        _input_map(observed, gaps),
+        tuple(_time_maps(observed, gaps)),
+    )
+
+
+def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
+    """Mean gap per cell; its standard error from the noise on the same lines."""
+    driver = first_input(observed.problem.model)
+    inputs, rates, errors = [], [], []
+    for test, _, w in observed.records:
+        values = observed.problem.measurements[test].channel(driver)[w.start : w.start + w.count]
+        inputs.append(values)
+        rates.append(np.gradient(values, w.step))
+        errors.append(np.full(w.count, np.sqrt(np.mean(w.process.spectrum))))
+    x, v, g, e = (np.concatenate(part) for part in (inputs, rates, gaps, errors))
+    ends = [np.quantile(part, (0.001, 0.999)) for part in (x, v)]
+    edges = [np.linspace(low, high, observed.settings.residual.map_cells + 1) for low, high in ends]
+    count, total, squares = (
+        np.histogram2d(x, v, bins=edges, weights=weights)[0] for weights in (np.ones(len(x)), g, e**2)
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return InputMap(edges[0], edges[1], total / count, np.sqrt(squares) / count)
+
+
+def _time_maps(observed: WhitenedData, gaps: Sequence[FloatArray]) -> list[TimeMap]:
+    maps = []
+    for (test, _, w), gap in zip(observed.records, gaps, strict=True):
+        measurement = observed.problem.measurements[test]
+        intervals = min(observed.settings.residual.map_intervals, max(len(gap) // 8, 1))
+        cuts = np.array_split(np.arange(len(gap)), intervals)
+        maps.append(
+            TimeMap(
+                measurement.name,
+                measurement.experiment.start_time,
+                np.array([(w.start + cut.mean()) * w.step for cut in cuts]),
+                np.array([np.sqrt(np.mean(gap[cut] ** 2)) for cut in cuts]),
+                float(np.sqrt(np.mean(w.process.spectrum))),
+            )
+        )
+    return maps
+
+
+@dataclass(frozen=True)
+class Homogeneity:
+    """Cochran's test whether single tests agree on a parameter that no calibration stage knows.
+
+    Parameters
+    ----------
+    parameter, unit
+        Which.
+    tests, values, sds
+        Estimates from each test alone, near the joint minimum, in the parameter's unit.
+    p_value, i_squared
+        Of such a scatter if the model were right; share of it beyond the estimates' own uncertainty. nan for fewer than
+        two tests.
+    """
+
+    parameter: str
+    unit: str
+    tests: tuple[str, ...]
+    values: FloatArray
+    sds: FloatArray
+    p_value: float
+    i_squared: float
+
+
+def homogeneity(fitted: Fitted) -> list[Homogeneity]:
+    """One Gauss–Newton step from the joint minimum to that of each test alone, and whether the steps differ.
+
+    All parameters are free with the prior of the stages; what no stage knows has the box as a wide Gaussian prior.
+    Estimates wider than half of it are left out.
+    """
+    model, observed = fitted.hypothesis, fitted.hypothesis.observed
+    space, point, tests = model.space, fitted.minimum.point, observed.problem.tests
+    moves, sds = np.zeros((2, len(tests), len(space)))
+    for t in range(len(tests)):
+        used = np.ones(len(fitted.residual), dtype=bool)
+        used[: len(observed.measured)] = observed.test == t
+        jacobian = -fitted.jacobian[used]
+        inverse = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(space)) / _PRIOR_SD**2)
+        moves[t], sds[t] = inverse @ (jacobian.T @ fitted.residual[used]), np.sqrt(np.diag(inverse))
+    found = []
+    for k, parameter in enumerate(space.parameters):
+        if parameter.name in observed.problem.prior.names:
+            continue
+        good: NDArray[np.bool_] = sds[:, k] < observed.settings.residual.widest_estimate * _PRIOR_SD
+        good &= fitted.minimum.at_bound[k] == 0
+        _, _, _, p, i_squared = cochran(moves[good, k], sds[good, k])
+        place = np.repeat(point[None], int(good.sum()), axis=0)
+        place[:, k] = np.clip(place[:, k] + moves[good, k], 0.0, 1.0)
+        values = space.from_unit(place)
+        found.append(
+            Homogeneity(
+                parameter.name,
+                parameter.unit,
+                tuple(test for test, on in zip(tests, good, strict=True) if on),
+                values[:, k],
+                sds[good, k] * space.derivative(values)[:, k],
+                p,
+                i_squared,
+            )
+        )
+    return found

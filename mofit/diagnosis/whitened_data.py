@@ -1,0 +1,176 @@
+"""The tests of a campaign as the diagnosis sees them: whitened observations, each of a known spectral line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.discrepancy import CalibrationStages
+from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.periodic_disturbances import interference_lines
+from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.spectral_classes import CLASS_INDEX, Lines, classify, rotational_orders
+from mofit.diagnosis.whitening import Whitening, whitening
+from mofit.identification.calibration import Calibration
+from mofit.problem import Problem
+from mofit.simulation import first_input
+
+
+@dataclass(frozen=True)
+class WhitenedData:
+    """All records of all tests as one vector of m whitened observations: its rows.
+
+    Parameters
+    ----------
+    problem
+        The model without effects, and the tests.
+    records
+        One per test and output, in the order of the rows: index of the test, index of the output, whitening.
+    measured
+        The observations, shape (m,).
+    record, line, spectral_class
+        Of every row: index into ``records``, line of its spectrum, index into `SPECTRAL_CLASSES`; shape (m,).
+    phase
+        Of the excitation's fundamental over the samples used, rad, per record; 0 where it does not repeat.
+    calibrations
+        The stages before, whose estimates the prior is made of.
+    noise_share
+        Share of every row's variance that is noise, the rest being a discrepancy counted as noise, (m,).
+    simulators
+        Compiled models.
+    settings
+        Of the diagnosis.
+    """
+
+    problem: Problem
+    records: tuple[tuple[int, int, Whitening], ...]
+    measured: FloatArray
+    record: NDArray[np.int64]
+    line: NDArray[np.int64]
+    spectral_class: NDArray[np.int64]
+    phase: FloatArray
+    calibrations: tuple[Calibration, ...] = ()
+    noise_share: FloatArray | float = 1.0
+    simulators: SimulatorCache = field(default_factory=SimulatorCache)
+    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
+
+    @property
+    def stages(self) -> CalibrationStages:
+        """The calibration stages, to be fitted again with effects."""
+        return CalibrationStages(self.problem.space, self.calibrations, self.simulators, self.settings)
+
+    @cached_property
+    def prior_root(self) -> tuple[FloatArray, FloatArray]:
+        """The stages' prior in unit coordinates: mean (d,), and rows R (p, d) whose squares are the precision."""
+        problem = self.problem
+        if not problem.prior.names:
+            return np.zeros(len(problem.space)), np.zeros((0, len(problem.space)))
+        mean, precision = problem.prior_density.mean, problem.prior_density.precision
+        values, vectors = np.linalg.eigh(precision)
+        kept = values > 1e-12 * values.max()
+        return mean, np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+
+    @cached_property
+    def test(self) -> NDArray[np.int64]:
+        """Index of the test of every row, shape (m,)."""
+        return np.array([test for test, _, _ in self.records])[self.record]
+
+    @cached_property
+    def degrees_of_freedom(self) -> FloatArray:
+        """Degrees of freedom of the noise estimate of every row, shape (m,)."""
+        return np.concatenate([w.process.degrees_of_freedom[w.line_of_row] for _, _, w in self.records])
+
+    @cached_property
+    def variance(self) -> FloatArray:
+        """Mean square of the noise that every row stands for, in the output's unit²; (m,)."""
+        return np.concatenate([w.process.spectrum[w.line_of_row] / w.count for _, _, w in self.records])
+
+    @cached_property
+    def ranges(self) -> FloatArray:
+        """Peak to peak of the measured samples used of every record, in the output's unit; (records,)."""
+        return np.array([np.ptp(self.used_samples(i)) for i in range(len(self.records))])
+
+    def used_samples(self, record: int) -> FloatArray:
+        """Measured output of a record over the samples used, (n,)."""
+        test, output, w = self.records[record]
+        return np.asarray(self.problem.experiments[test].measured[w.start : w.start + w.count, output])
+
+    def of(self, *classes: str) -> NDArray[np.bool_]:
+        """Which rows are of these spectral classes, shape (m,)."""
+        return np.isin(self.spectral_class, [CLASS_INDEX[name] for name in classes])
+
+    @cached_property
+    def explainable(self) -> NDArray[np.bool_]:
+        """Which rows may hold a gap that a model can explain: all but the other lines, shape (m,)."""
+        return ~self.of("other")
+
+    def whitened(self, outputs: Sequence[FloatArray]) -> FloatArray:
+        """Whitened rows (N, m, k) of signals per test (N, samples, outputs, k)."""
+        return np.concatenate([w.rows(outputs[test][..., output, :]) for test, output, w in self.records], axis=-2)
+
+
+def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: bool = False) -> WhitenedData:
+    """The same tests with an unknown gap, relative to each output's range, counted as noise.
+
+    It lies on the constant, all harmonics and the slow lines of a test that repeats, else on the excited lines.
+    ``everywhere``: as strong as if it were on the harmonics alone, but counted on all lines.
+    """
+    classes = ("dc", "odd", "even", "excited", *(() if everywhere else ("slow",)))
+    records, measured = [], []
+    for i, (test, output, w) in enumerate(observed.records):
+        experiment, here = observed.problem.experiments[test], observed.record == i
+        size = relative * float(observed.ranges[i])
+        likely = np.zeros(len(w.frequencies), dtype=bool)
+        likely[observed.line[here & observed.of(*classes)]] = True
+        more = np.full(len(likely), True) if everywhere else w.harmonic
+        records.append((test, output, w.with_discrepancy(size**2, likely, more)))
+        measured.append(records[-1][2].rows(experiment.measured[:, output, None])[:, 0])
+    counted = replace(observed, records=tuple(records), measured=np.concatenate(measured))
+    return replace(counted, noise_share=observed.noise_share * observed.variance / counted.variance)
+
+
+def whiten(
+    problem: Problem,
+    calibrations: Sequence[Calibration] = (),
+    simulators: SimulatorCache | None = None,
+    settings: DiagnosisSettings | None = None,
+) -> WhitenedData:
+    """Find the noise of every record and the class of every line."""
+    settings = settings or DiagnosisSettings()
+    spectral, driver = settings.spectral, first_input(problem.model)
+    records, measured, noise, phase, lines = [], [], [], [], []
+    for test, (measurement, analysis, experiment) in enumerate(
+        zip(problem.measurements, problem.signals, problem.experiments, strict=True)
+    ):
+        orders = rotational_orders(measurement, spectral)
+        for output, channel in enumerate(problem.model.outputs):
+            values, sd = experiment.measured[:, output, None], analysis.noise_sd[channel.name]
+            used = experiment.weights[:, output] > 0
+            w = whitening(values[:, 0], used, experiment.step, analysis, sd, spectral.fewest_periods)
+            excitation = measurement.channel(driver)[w.start : w.start + w.count]
+            phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
+            records.append((test, output, w))
+            measured.append(w.rows(values)[:, 0])
+            noise.append(w.noise_rows(values)[:, 0])
+            lines.append(Lines(w, orders, excitation, np.zeros(len(w.frequencies), dtype=bool), spectral))
+    free = [(classify(one) == CLASS_INDEX["other"]) & ~one.whitening.harmonic for one in lines]
+    interference = interference_lines([w for _, _, w in records], noise, free, spectral)
+    classes = [classify(replace(one, interference=mask)) for one, mask in zip(lines, interference, strict=True)]
+    line = [w.line_of_row for _, _, w in records]
+    return WhitenedData(
+        problem,
+        tuple(records),
+        np.concatenate(measured),
+        np.repeat(np.arange(len(records)), [len(rows) for rows in line]),
+        np.concatenate(line),
+        np.concatenate([own[rows] for own, rows in zip(classes, line, strict=True)]),
+        np.array(phase),
+        tuple(calibrations),
+        simulators=simulators or SimulatorCache(),
+        settings=settings,
+    )

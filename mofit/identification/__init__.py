@@ -1,0 +1,1 @@
+"""Identification of one campaign: calibrate, search, refine, sample, assemble the result tree."""

@@ -1,0 +1,135 @@
+"""Sequential estimation: parameters that tests of their own determine, before the main identification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.errors import InputError
+from mofit.models import Model, Stage, find_model
+from mofit.optimize import merge, refine
+from mofit.parameters import ParameterSpace
+from mofit.problem import GaussianPrior, Problem, adjusted_posterior, build_problem
+from mofit.sampling import laplace_covariance
+
+#: Starts per stage; a power of two keeps the Sobol points balanced. Stages have two or three parameters.
+STARTS = 32
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """One fitted stage: its problem, the minimum (unit coordinates) and the Hessian of -log posterior there."""
+
+    stage: Stage
+    problem: Problem
+    minimum: FloatArray
+    hessian: FloatArray
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimate per parameter."""
+        space = self.problem.space
+        return dict(zip(space.names, map(float, space.from_unit(self.minimum)), strict=True))
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviation per parameter (Laplace approximation); the width of the box at most."""
+        space = self.problem.space
+        sd = np.sqrt(np.diag(laplace_covariance(self.hessian)))
+        return dict(zip(space.names, map(float, sd * space.derivative(space.from_unit(self.minimum))), strict=True))
+
+    def fixed_at(self, values: Mapping[str, float]) -> bool:
+        """Whether these parameters were fixed at these values."""
+        return all(self.problem.layout.fixed.get(name) == value for name, value in values.items())
+
+    def prior(self, space: ParameterSpace) -> GaussianPrior:
+        """The estimate as a prior, in the unit coordinates of another space that has its parameters."""
+        own = self.problem.space
+        target = space.subset(own.names)
+        values = own.from_unit(self.minimum)
+        ratio = target.derivative(values) / own.derivative(values)
+        return GaussianPrior(own.names, target.to_unit(values), self.hessian * np.outer(ratio, ratio))
+
+
+def calibrate(
+    model: Model,
+    campaign: Campaign,
+    space: ParameterSpace,
+    *,
+    seed: int,
+    jobs: int,
+    done: Sequence[Calibration] = (),
+) -> tuple[list[Calibration], list[str]]:
+    """Fit every stage of a model that the campaign has tests for.
+
+    Parameters
+    ----------
+    model
+        Its ``stages`` are fitted in order; a stage may use what the ones before it found.
+    campaign
+        Each stage uses the tests of its excitations.
+    space
+        The main model's parameters, whose bounds apply to the stages as well.
+    seed, jobs
+        Seed of the starts; threads.
+    done
+        Stages fitted to this campaign before, for another model; those that are the same are not fitted again.
+
+    Returns
+    -------
+    calibrations
+        One per stage with tests.
+    warnings
+        One sentence per stage without.
+    """
+    found: list[Calibration] = []
+    warnings = []
+    for stage in model.stages:
+        tests = [m.name for m in campaign.measurements if m.kind in stage.excitations]
+        stage_model = find_model(stage.model)
+        if not tests:
+            names = ", ".join(p.name for p in stage_model.parameters)
+            warnings.append(
+                f"No {' or '.join(stage.excitations)} test: {names} are identified together with the others, without "
+                "a calibration of their own."
+            )
+            continue
+        known = {name: value for calibration in found for name, value in calibration.values.items()}
+        free = [p.name for p in stage_model.parameters if p.name in space.names and p.name not in known]
+        same = [c for c in done if c.stage == stage and c.problem.space == space.subset(free) and c.fixed_at(known)]
+        if same:
+            found.append(same[0])
+            continue
+        problem = build_problem(
+            stage_model,
+            campaign.select(tests),
+            space=space.subset(free),
+            fixed=known,
+            settled=stage.settled,
+            jobs=jobs,
+        )
+        found.append(fit_stage(stage, problem, seed))
+    return found, warnings
+
+
+def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
+    """Least squares from many starts, then once more with the independent residuals counted."""
+    from scipy.stats import qmc  # late: its import takes half a second
+
+    scattered = qmc.Sobol(len(problem.space), rng=seed).random(STARTS)
+    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], scattered])
+    minima = merge(refine(problem.evaluate, starts))
+    if not minima:
+        raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
+    problem = problem.with_noise_at(minima[0].point)
+    best = merge(refine(problem.evaluate, minima[0].point[None]))[0]
+    return Calibration(stage, problem, best.point, adjusted_posterior(problem, best.point).hessian)
+
+
+def calibrated_values(calibrations: Sequence[Calibration]) -> Mapping[str, float]:
+    """Estimates of all stages together."""
+    return {name: value for calibration in calibrations for name, value in calibration.values.items()}

@@ -1,0 +1,131 @@
+"""The problem set up: which tests, which parameters are free, the results of the calibration stages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.identification.calibration import Calibration, calibrate, calibrated_values
+from mofit.identification.settings import Settings, free_space
+from mofit.models import Model
+from mofit.parameters import ParameterSpace
+from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+
+
+@dataclass(frozen=True)
+class ProblemSetup:
+    """A model and the tests of its main identification, with the stages before it fitted.
+
+    Parameters
+    ----------
+    model, settings
+        What is identified, and how.
+    campaign
+        The tests of the main identification only.
+    space
+        Free parameters of the model.
+    calibrations
+        The fitted stages.
+    warnings
+        A sentence per stage that had no tests.
+    """
+
+    model: Model
+    settings: Settings
+    campaign: Campaign
+    space: ParameterSpace
+    calibrations: tuple[Calibration, ...]
+    warnings: tuple[str, ...]
+
+    @cached_property
+    def searched(self) -> Problem:
+        """What the search sees: calibrated parameters fixed at their estimates (free with ``joint``)."""
+        known = {} if self.settings.joint else dict(calibrated_values(self.calibrations))
+        free = [name for name in self.space.names if name not in known]
+        if not free:
+            message = "fixes every parameter of the search; the calibration stages estimate the others"
+            raise InputError.of("--fix", message, "Leave one more free, or add --joint")
+        fixed = {**known, **self.settings.fixed}
+        return build_problem(
+            self.model, self.campaign, space=self.space.subset(free), fixed=fixed, jobs=self.settings.jobs
+        )
+
+    @cached_property
+    def posterior(self) -> CampaignPosterior:
+        """What is refined and sampled: every parameter free, calibrations as priors (with ``joint``, as data)."""
+        joint, prior = self.settings.joint, FLAT
+        if self.calibrations and not joint:
+            names = tuple(name for calibration in self.calibrations for name in calibration.problem.space.names)
+            prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations], names)
+        main = build_problem(
+            self.model,
+            self.campaign,
+            space=self.space,
+            fixed=self.settings.fixed,
+            prior=prior,
+            jobs=self.settings.jobs,
+        )
+        if joint and self.calibrations:
+            return JointProblem(main, tuple(calibration.problem for calibration in self.calibrations))
+        return main
+
+
+def set_up_problem(
+    model: Model,
+    campaign: Campaign,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    *,
+    done: Sequence[Calibration] = (),
+) -> ProblemSetup:
+    """Choose tests and free parameters, and fit the calibration stages.
+
+    Parameters
+    ----------
+    model, campaign, settings
+        What is identified, from what, and how; the stages take their tests from the whole campaign.
+    tests
+        Names of the tests of the main identification; by default all whose excitation the model is made for.
+    done
+        Stages fitted to this campaign before; those that are the same are not fitted again.
+
+    Raises
+    ------
+    InputError
+        If campaign, model and settings don't fit together.
+    """
+    space = free_space(model, settings)
+    selected = campaign.select(choose_tests(model, campaign, tests))
+    calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
+    return ProblemSetup(model, settings, selected, space, tuple(calibrations), tuple(warnings))
+
+
+def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the tests of the main identification: those asked for, else all that suit the model."""
+    if tests:
+        return tuple(tests)
+    chosen = tuple(m.name for m in campaign.measurements if not model.excitations or m.kind in model.excitations)
+    if not chosen:
+        kinds = ", ".join(sorted({m.kind for m in campaign.measurements}))
+        raise InputError.of(
+            f"campaign '{campaign.title}'",
+            f"model '{model.name}' takes {', '.join(model.excitations)} tests; the campaign has {kinds}",
+            "Choose another model or campaign",
+        )
+    return chosen
+
+
+def search_weights(problem: Problem, settings: Settings) -> FloatArray:
+    """Weight of every test in the search, shape (tests,)."""
+    raise_errors(
+        Issue("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
+        for name in settings.weights
+        if name not in problem.tests
+    )
+    return np.array([settings.weights.get(name, 1.0) for name in problem.tests])

@@ -1,0 +1,159 @@
+"""One subtree per sampled mode, laid out so that ArviZ opens it, and the mixture of all modes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+
+from mofit._typing import FloatArray
+from mofit.identification.result import IdentificationResult, PosteriorMode
+from mofit.identification.result_tree.comparison import laplace_sd
+from mofit.identification.result_tree.signals import predictions, predictive
+from mofit.optimize import Profile
+from mofit.parameters import ParameterSpace
+from mofit.problem import Problem, test_log_likelihood
+from mofit.results import axis, draw_axes, draws_dataset, group_dataset, parameter_axis, quantity
+from mofit.sampling import contraction, laplace_covariance, mixture, r_hat, verdict
+
+#: Posterior draws simulated for the predictive bands, and the most numbers they may take.
+PREDICTIVE_DRAWS = 100
+PREDICTIVE_NUMBERS = 4_000_000
+
+
+def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
+    """All groups of all modes by path."""
+    problem, space, groups = outcome.problem, outcome.problem.space, {}
+    for mode in outcome.modes:
+        path = f"/modes/{mode.name}"
+        draws = mode.chains.thinned()
+        groups[path] = _summary(path, problem, mode, draws.points)
+        groups[f"{path}/prediction"] = predictions(problem, mode.minimum.point)
+        groups[f"{path}/posterior"] = draws_dataset(space, space.from_unit(draws.points))
+        groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
+        groups[f"{path}/sample_stats"] = _sample_stats(f"{path}/sample_stats", mode)
+        groups[f"{path}/log_likelihood"] = _log_likelihood(problem, mode, draws.points)
+        groups[f"{path}/posterior_predictive"] = predictive(problem, _few(problem, draws.points))
+    return groups
+
+
+def _few(problem: Problem, draws: FloatArray) -> FloatArray:
+    """Evenly spread draws, (chain, few, d)."""
+    samples = sum(len(experiment.inputs) for experiment in problem.experiments)
+    wanted = max(1, min(PREDICTIVE_DRAWS, PREDICTIVE_NUMBERS // samples) // len(draws))
+    return draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
+
+
+def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray) -> xr.Dataset:
+    space, minimum, chains = problem.space, mode.minimum, mode.chains
+    samples = draws.reshape(-1, len(space))
+    values = space.from_unit(samples)
+    covariance = laplace_covariance(minimum.hessian)
+    scale = np.sqrt(np.diag(covariance))
+    noise_scale = np.sqrt(np.diag(laplace_covariance(mode.noise_hessian)))
+    q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
+    nrmsd, derivative = (found[0] for found in problem.gradients(minimum.point[None]))
+    return group_dataset(
+        path,
+        {
+            "value": space.from_unit(minimum.point),
+            "at_bound": minimum.at_bound,
+            "laplace_sd": laplace_sd(problem, minimum),
+            "noise_sd": noise_scale * space.derivative(space.from_unit(minimum.point)),
+            "mean": values.mean(axis=0),
+            "sd": values.std(axis=0),
+            "q05": q05,
+            "q50": q50,
+            "q95": q95,
+            "ess": chains.ess,
+            # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
+            "r_hat": r_hat(space.from_unit(draws)),
+            "tau": chains.tau,
+            "contraction": contraction(samples),
+            "verdict": verdict(samples),
+            "laplace_correlation": covariance / np.outer(scale, scale),
+            "nrmsd": nrmsd,
+            "leverage": derivative * scale / np.maximum(nrmsd, np.finfo(float).tiny)[:, None],
+        },
+        {
+            **parameter_axis(space.names, space.units),
+            "parameter_": axis("parameter_", list(space.names)),
+            "test": axis("test", list(problem.tests)),
+        },
+        {
+            "log_evidence": mode.evidence.log_evidence,
+            "log_evidence_error": mode.evidence.error,
+            "probability": mode.probability,
+            "log_posterior": -minimum.value,
+            "gap_fundamental": float(np.sqrt(mode.sampled.score.gap_squares[0])),
+            "gap_harmonics": float(np.sqrt(mode.sampled.score.gap_squares[1])),
+            "converged": int(chains.converged),
+            "evaluations": int(chains.evaluations),
+        },
+    )
+
+
+def _sample_stats(path: str, mode: PosteriorMode) -> xr.Dataset:
+    draws = mode.chains.thinned()
+    return group_dataset(
+        path,
+        {"lp": draws.log_prob, "walker": draws.walker, "step": draws.step},
+        draw_axes(draws.points.shape),
+        {"acceptance": mode.chains.acceptance.tolist()},
+    )
+
+
+def profile_group(path: str, space: ParameterSpace, found: Profile) -> xr.Dataset:
+    """Profile likelihood of every free parameter: values and negative log posterior over (parameter, point)."""
+    fixed = [space.from_unit(points)[:, k] for k, points in enumerate(found.points)]
+    return group_dataset(
+        path,
+        {
+            "value": np.stack(fixed),
+            "neg_log_posterior": found.neg_log_posterior,
+            "converged": found.converged.astype(np.int8),
+        },
+        parameter_axis(space.names, space.units),
+    )
+
+
+def _log_likelihood(problem: Problem, mode: PosteriorMode, draws: FloatArray) -> xr.Dataset:
+    """Of every test; costs are those that were sampled, which differ from the whole ones by a constant per test."""
+    chains, count, dimension = draws.shape
+    quick = mode.sampled.problem.main
+    points = np.concatenate([mode.minimum.point[None], draws.reshape(-1, dimension)])
+    best, *costs = quick.objectives(points) ** 2 * quick.noise.count
+    exact = problem.objectives(points[:1])[0] ** 2 * problem.noise.count
+    values = test_log_likelihood(exact + np.array(costs) - best, exact, problem.noise).reshape(chains, count, -1)
+    return xr.Dataset(
+        {
+            test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}, constant left out")
+            for i, test in enumerate(problem.tests)
+        },
+        draw_axes(draws.shape),
+    )
+
+
+def mixture_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
+    """The posterior of all modes together: summary, draws and the mode of each draw; nothing for a single mode."""
+    if len(outcome.modes) < 2:
+        return {}
+    space = outcome.problem.space
+    draws = [mode.chains.thinned() for mode in outcome.modes]
+    natural = [replace(part, points=space.from_unit(part.points)) for part in draws]
+    whole = mixture(natural, [mode.probability for mode in outcome.modes])
+    q05, q50, q95 = whole.quantiles([0.05, 0.5, 0.95])
+    shape = draws[0].points.shape[:2]
+    points, belongs = whole.draw(np.random.default_rng(outcome.configuration["seed"]), shape[0] * shape[1])
+    return {
+        "/mixture": group_dataset(
+            "/mixture",
+            {"mean": whole.mean(), "sd": whole.sd(), "q05": q05, "q50": q50, "q95": q95},
+            parameter_axis(space.names, space.units),
+        ),
+        "/mixture/posterior": draws_dataset(space, points.reshape(*shape, -1)),
+        "/mixture/sample_stats": group_dataset(
+            "/mixture/sample_stats", {"mode": belongs.reshape(shape) + 1}, draw_axes(shape)
+        ),
+    }

@@ -1,0 +1,212 @@
+"""The stages of an identification, in order: calibrate, search, refine, sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.errors import InputError
+from mofit.identification.calibration import Calibration
+from mofit.identification.global_search import search
+from mofit.identification.problem_setup import ProblemSetup, set_up_problem
+from mofit.identification.result import LocalFit, PosteriorMode
+from mofit.identification.settings import Settings
+from mofit.models import Model
+from mofit.optimize import Minimum, RefineSettings, SearchResult, merge, profile, refine
+from mofit.problem import CampaignPosterior, Problem, adjusted_posterior
+from mofit.runtime.log import StageTimer
+from mofit.runtime.progress import Progress, silent
+from mofit.sampling import (
+    bridge_log_evidence,
+    laplace_covariance,
+    laplace_log_evidence,
+    mode_region,
+    mode_weights,
+    restricted,
+    sample_mode,
+)
+
+P = TypeVar("P", bound=CampaignPosterior)
+
+#: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
+#: freeing these can raise a probability, but not a thousandfold.
+LEAST_PROBABILITY = 1e-6
+#: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
+NEIGHBOURHOOD = 0.01
+
+
+@dataclass(frozen=True)
+class Located:
+    """What the stages before the sampling found.
+
+    Parameters
+    ----------
+    calibrations, warnings
+        The fitted stages, and a sentence per stage that had no tests.
+    searched
+        What was searched, its noise estimated at the best minimum.
+    search
+        The search's points.
+    posterior
+        What was refined and is sampled, noise estimated likewise.
+    minima
+        Its minima, best first.
+    """
+
+    calibrations: tuple[Calibration, ...]
+    warnings: tuple[str, ...]
+    searched: Problem
+    search: SearchResult
+    posterior: CampaignPosterior
+    minima: tuple[Minimum, ...]
+
+
+def locate_minima(
+    campaign: Campaign,
+    model: Model,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    *,
+    timer: StageTimer | None = None,
+    progress: Progress = silent,
+) -> Located:
+    """Calibrate, search and refine; see `mofit.identification.identify` for the parameters."""
+
+    def measured(stage: str) -> AbstractContextManager[None]:
+        return timer.measure(stage) if timer else nullcontext()
+
+    with measured("calibrate"):
+        progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
+        setup = set_up_problem(model, campaign, settings, tests)
+    with measured("prepare"):
+        searched, posterior = setup.searched, setup.posterior
+    with measured("search"):
+        found = search(searched, settings, partial(_relay, progress, "search"))
+    with measured("refine"):
+        progress("refine", 0, 1, "")
+        searched, rough = refined(searched, starts_of(found))
+        posterior, minima = _with_calibrated_free(posterior, searched, rough)
+    return Located(setup.calibrations, setup.warnings, searched, found, posterior, minima)
+
+
+def find_modes(
+    campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str] = ()
+) -> tuple[PosteriorMode, ...]:
+    """All stages, nothing written: the modes that `identify` reports, for studies."""
+    located = locate_minima(campaign, model, settings, tests)
+    return sample_modes(located.posterior, located.minima, settings)
+
+
+def fit(setup: ProblemSetup) -> LocalFit:
+    """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
+    problem = setup.searched
+    return LocalFit(*refined(problem, starts_of(search(problem, setup.settings))))
+
+
+def starts_of(found: SearchResult) -> FloatArray:
+    """The minima that the search archived, and its best point of each test alone."""
+    rows = [*found.archived, *np.nanargmin(found.objectives, axis=0)]
+    return found.points[list(dict.fromkeys(int(row) for row in rows))]
+
+
+def refined(problem: P, starts: FloatArray) -> tuple[P, tuple[Minimum, ...]]:
+    """Refine, estimate the noise at the best minimum, and refine again under that noise."""
+    first = merge(refine(problem.evaluate, starts))
+    if not first:
+        raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
+    counted = problem.with_noise_at(first[0].point)
+    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
+    return counted, merge(again, values=lambda u: -counted.log_posterior(u))
+
+
+def _with_calibrated_free(
+    posterior: CampaignPosterior, searched: Problem, minima: Sequence[Minimum]
+) -> tuple[CampaignPosterior, tuple[Minimum, ...]]:
+    """Estimate the calibrated parameters as well, starting from the plausible minima of the searched ones."""
+    candidates = np.stack([minimum.point for minimum in _plausible(minima, LEAST_PROBABILITY)])
+    space = posterior.space
+    starts = space.to_unit(searched.layout.values(candidates, space.names))
+    local = posterior.with_noise(searched.noise).near(starts, np.full(len(space), NEIGHBOURHOOD))
+    return refined(local, starts)
+
+
+def sample_modes(
+    posterior: CampaignPosterior,
+    minima: Sequence[Minimum],
+    settings: Settings,
+    path: Path | None = None,
+    progress: Progress = silent,
+) -> tuple[PosteriorMode, ...]:
+    """Sample the posterior, adjusted to noise and gap, around every plausible minimum.
+
+    Parameters
+    ----------
+    posterior, minima
+        As `locate_minima` found them.
+    settings
+        Settings of the identification.
+    path
+        File of the chains; nothing is written without one.
+    progress
+        Called now and then.
+
+    Returns
+    -------
+    tuple of PosteriorMode
+        Best first, with their posterior probabilities.
+    """
+    located = []
+    for minimum in _plausible(minima, settings.least_probability)[: settings.most_modes]:
+        local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
+        adjusted = adjusted_posterior(local, minimum.point)
+        # where noise and gap weaken the likelihood, the priors of the stages move the minimum
+        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
+        located.append((moved, adjusted))
+    located.sort(key=lambda pair: -_log_evidence(pair[0]))
+    values, centres = [minimum.value for minimum, _ in located], np.stack([minimum.point for minimum, _ in located])
+    covariances = np.stack([laplace_covariance(minimum.hessian) for minimum, _ in located])
+    sampled = []
+    for index, (minimum, adjusted) in enumerate(located):
+        name, covariance = f"m{index + 1}", covariances[index]
+        sd = np.sqrt(np.diag(covariance))
+        noise_hessian, adjusted = adjusted.noise_hessian, adjusted.local(minimum.point, sd)
+        belongs = mode_region(index, values, centres, covariances)
+        own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
+        chains = sample_mode(
+            own,
+            minimum.point,
+            covariance,
+            (settings.seed, index + 1),
+            settings.sampling,
+            backend_path=path,
+            mode=name,
+            progress=partial(_relay, progress, f"sample mode {index + 1} of {len(located)}"),
+        )
+        evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
+        profiles = profile(adjusted, minimum.point, sd)
+        sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles))
+    probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
+    return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
+
+
+def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Minimum]:
+    """Minima by posterior probability (Laplace approximation), the most probable first, down to the least."""
+    evidence = np.array([_log_evidence(minimum) for minimum in minima])
+    weights = mode_weights(evidence)
+    return [minima[i] for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_probability]
+
+
+def _log_evidence(minimum: Minimum) -> float:
+    return laplace_log_evidence(minimum.value, minimum.hessian, minimum.point, minimum.gradient)
+
+
+def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:
+    progress(stage, done, total, note)

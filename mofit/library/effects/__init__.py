@@ -1,1 +1,0 @@
-"""Shipped effects: what a model may leave out, one short file each."""

@@ -1,0 +1,133 @@
+"""Models and effects by name: shipped ones, found in their folders, and users' own."""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterable
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import TypeVar
+
+from mofit.errors import InputError, did_you_mean, raise_errors
+from mofit.models.effect import Effect
+from mofit.models.model import Model
+
+T = TypeVar("T", Model, Effect)
+
+
+def model_names() -> tuple[str, ...]:
+    """Names of the shipped models."""
+    return tuple(_shipped("library", Model))
+
+
+def effect_names() -> tuple[str, ...]:
+    """Names of the shipped effects, ordered by file, then as the file defines them."""
+    return tuple(_shipped("effects", Effect))
+
+
+def find_model(reference: str) -> Model:
+    """The shipped model of that name, or the user's own from ``path/to/file.py:Name``.
+
+    Raises
+    ------
+    InputError
+        If there is none; names the closest one.
+    """
+    return _find(reference, "model", _shipped("library", Model), Model)
+
+
+def find_effect(reference: str) -> Effect:
+    """The shipped effect of that name, or the user's own from ``path/to/file.py:Name``.
+
+    Raises
+    ------
+    InputError
+        If there is none (names the closest one), or with everything that the user's own lacks.
+    """
+    effect = _find(reference, "effect", _shipped("effects", Effect), Effect)
+    raise_errors(effect.issues())
+    return effect
+
+
+def default_model(channels: Iterable[str]) -> Model:
+    """The shipped model for a campaign with these channels.
+
+    Raises
+    ------
+    InputError
+        If no model that is a default has all its inputs and outputs among them, or several have.
+    """
+    have = set(channels)
+    found = [
+        kind
+        for kind in _shipped("library", Model).values()
+        if kind.default and {c.name for c in (*kind.inputs, *kind.outputs) if not c.derivative_of} <= have
+    ]
+    if len(found) != 1:
+        message = f"models {', '.join(kind.name for kind in found)} fit" if found else "no model is known for them"
+        raise InputError.of(f"channels {', '.join(sorted(have))}", message, "Name --model")
+    return found[0]()
+
+
+@cache
+def _shipped(folder: str, kind: type[T]) -> dict[str, type[T]]:
+    """Every class of a kind that a module of the folder defines, by the name it gives itself."""
+    package = import_module(f"{__package__}.{folder}")
+    modules = [import_module(f"{package.__name__}.{found.name}") for found in pkgutil.iter_modules(package.__path__)]
+    return {value.name: value for module in modules for value in _classes(module, kind).values()}
+
+
+def _classes(module: ModuleType, kind: type[T]) -> dict[str, type[T]]:
+    """Classes of a kind that a module defines itself, in its order."""
+    return {
+        name: value
+        for name, value in vars(module).items()
+        if inspect.isclass(value)
+        and issubclass(value, kind)
+        and value.__module__ == module.__name__
+        and not inspect.isabstract(value)
+    }
+
+
+def _find(reference: str, what: str, shipped: dict[str, type[T]], kind: type[T]) -> T:
+    if reference in shipped:
+        return shipped[reference]()
+    if reference.partition(":")[0].endswith(".py"):
+        return _own(reference, kind)()
+    raise InputError.of(
+        f"{what} '{reference}'",
+        "unknown name",
+        f"{did_you_mean(reference, shipped)} An own {what} is given as path/to/file.py:Name",
+    )
+
+
+def _own(reference: str, kind: type[T]) -> type[T]:
+    """The class ``Name`` of a kind in a user's file; ``:Name`` may be left out if the file defines just one."""
+    path_text, _, name = reference.partition(":")
+    path = Path(path_text)
+    if not path.is_file():
+        raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
+    spec = importlib.util.spec_from_file_location(f"mofit_user_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError.of(reference, "not a Python file", "Give path/to/file.py:Name")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InputError.of(
+            reference, f"running it raised {type(error).__name__}: {error}", "Correct the file"
+        ) from error
+    found = _classes(module, kind)
+    if name in found:
+        return found[name]
+    if name:
+        raise InputError.of(reference, f"the file has no {kind.__name__} '{name}'", did_you_mean(name, found))
+    if len(found) != 1:
+        raise InputError.of(reference, f"the file defines {len(found)} classes of kind {kind.__name__}", "Append :Name")
+    return next(iter(found.values()))

@@ -1,0 +1,157 @@
+"""From a model to CasADi functions of vectors: the form that is compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+import casadi as ca
+
+from mofit.errors import InputError, Issue, MofitError, did_you_mean, raise_errors
+from mofit.models.declarations import Equations
+from mofit.models.extended_model import ExtendedModel
+from mofit.models.model import Model
+from mofit.models.symbols import Symbols
+
+
+@dataclass(frozen=True)
+class System:
+    """A model in vector form. Vectors are ordered as the name tuples.
+
+    Parameters
+    ----------
+    states, inputs, parameters, conditions, outputs
+        Names.
+    rhs
+        ``(x, u, p, c) -> xdot``
+    out
+        ``(x, u, p, c) -> y``
+    initial
+        ``(u, p, c) -> x0`` with the first sample of the inputs.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    conditions: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rhs: ca.Function
+    out: ca.Function
+    initial: ca.Function
+
+    def hash(self) -> str:
+        """Hash of the equations; it changes with anything that can change a number."""
+        graphs = "".join(function.serialize() for function in (self.rhs, self.out, self.initial))
+        return sha256(graphs.encode()).hexdigest()[:16]
+
+
+def build_system(model: Model) -> System:
+    """Evaluate the model's equations on symbols.
+
+    Raises
+    ------
+    InputError
+        If equations raise, lack a derivative or an output, name an unknown one, or use a symbol the
+        model does not declare.
+    """
+    where = f"model '{model.name}'"
+    groups = {
+        "x": tuple(state.name for state in model.states),
+        "u": tuple(channel.name for channel in model.inputs),
+        "p": tuple(parameter.name for parameter in model.parameters),
+        "c": tuple(condition.name for condition in model.conditions),
+    }
+    names = [name for group in groups.values() for name in group]
+    raise_errors(
+        Issue(where, f"the name '{name}' is declared twice", "Rename one of them")
+        for name in sorted({name for name in names if names.count(name) > 1})
+    )
+    base = {name: ca.SX.sym(name) for name in names}
+    effects = model.effects if isinstance(model, ExtendedModel) else ()
+    symbols = Symbols(base, groups["u"], [(effect.apply, target) for effect, target in effects])
+    equations = _evaluated(where, model, symbols)
+    outputs = {name: symbols.quantity(name, _sx(where, name, value)) for name, value in equations.outputs.items()}
+    # an effect on an input that no equation uses still has states
+    for name in groups["u"]:
+        getattr(symbols, name)
+    derivatives = {**equations.derivatives, **symbols.derivatives}
+    initial = {**equations.initial, **symbols.initial}
+    output_names = tuple(channel.name for channel in model.outputs)
+    raise_errors(
+        [Issue(where, f"an effect acts on '{name}', which the equations never announce", "Check the effect's target")
+         for name in symbols.unannounced]
+        + _compare(where, "derivative", derivatives, groups["x"])
+        + _compare(where, "output", outputs, output_names)
+        + [Issue(where, f"initial value of unknown state '{name}'", did_you_mean(name, groups["x"]))
+           for name in initial if name not in groups["x"]]
+    )  # fmt: skip
+    x, u, p, c = (ca.SX(ca.vertcat(*(base[name] for name in group))) for group in groups.values())
+    xdot = _column(where, derivatives, groups["x"])
+    y = _column(where, outputs, output_names)
+    x0 = _resolved(_column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"]), x)
+    try:
+        return System(
+            states=groups["x"],
+            inputs=groups["u"],
+            parameters=groups["p"],
+            conditions=groups["c"],
+            outputs=output_names,
+            rhs=ca.Function("rhs", [x, u, p, c], [xdot], ["x", "u", "p", "c"], ["xdot"]),
+            out=ca.Function("out", [x, u, p, c], [y], ["x", "u", "p", "c"], ["y"]),
+            initial=ca.Function("initial", [u, p, c], [x0], ["u", "p", "c"], ["x0"]),
+        )
+    except RuntimeError as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise InputError.of(
+            where, f"the equations use a symbol that is not the model's own ({reason})", "Use only s.<declared name>"
+        ) from error
+
+
+def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:
+    """The model's equations, if they are usable."""
+    try:
+        equations = model.equations(symbols)
+    except MofitError:
+        raise
+    except Exception as error:
+        message = f"equations() raised {type(error).__name__}: {error}"
+        raise InputError.of(where, message, "Correct the model's equations") from error
+    if not isinstance(equations, Equations):
+        raise InputError.of(
+            where, f"equations() returned {type(equations).__name__}", "Return Equations(outputs=…, derivatives=…)"
+        )
+    return equations
+
+
+def _resolved(x0: ca.SX, x: ca.SX) -> ca.SX:
+    """Initial values without states: one may build on another, an effect's on the model's or the reverse."""
+    for _ in range(x.numel().bit_length() + 1):  # every round doubles the depth that is resolved
+        if ca.depends_on(x0, x):
+            x0 = ca.SX(ca.substitute(x0, x, x0))
+    if ca.depends_on(x0, x):
+        # an effect feeds a state back onto the model's input, so that rest is implicit: iterated from zero
+        x0 = ca.SX(ca.substitute(x0, x, ca.SX.zeros(x.shape)))
+    return x0
+
+
+def _sx(where: str, name: str, value: Any) -> ca.SX:
+    try:
+        return ca.SX(value)
+    except (NotImplementedError, TypeError) as error:
+        raise InputError.of(
+            where, f"'{name}' is a {type(value).__name__}, not a CasADi SX expression", "Build it from s.<name>"
+        ) from error
+
+
+def _column(where: str, values: Mapping[str, Any], order: tuple[str, ...]) -> ca.SX:
+    return ca.SX(ca.vertcat(*(_sx(where, name, values[name]) for name in order)))
+
+
+def _compare(where: str, kind: str, given: Mapping[str, Any], declared: tuple[str, ...]) -> list[Issue]:
+    """Issues of what is declared and not given, and of what is given and not declared."""
+    hint = f"Add it to the {kind}s that equations() returns"
+    missing = [Issue(where, f"no {kind} for '{name}'", hint) for name in declared if name not in given]
+    unknown = [name for name in given if name not in declared]
+    return missing + [Issue(where, f"{kind} for unknown '{name}'", did_you_mean(name, declared)) for name in unknown]

@@ -1,0 +1,28 @@
+"""What is minimised and sampled: the tests of a campaign as objectives, likelihood and posterior."""
+
+from mofit.problem.adjusted import AdjustedPosterior, adjusted_posterior
+from mofit.problem.curvature_adjustment import Adjustment, Score, adjust
+from mofit.problem.joint import JointProblem
+from mofit.problem.likelihood import Noise, test_log_likelihood
+from mofit.problem.posterior import CampaignPosterior, Posterior
+from mofit.problem.prior import FLAT, GaussianPrior, join_priors
+from mofit.problem.problem import TOLERANCE, Problem, build_problem
+
+__all__ = [
+    "FLAT",
+    "TOLERANCE",
+    "AdjustedPosterior",
+    "Adjustment",
+    "CampaignPosterior",
+    "GaussianPrior",
+    "JointProblem",
+    "Noise",
+    "Posterior",
+    "Problem",
+    "Score",
+    "adjust",
+    "adjusted_posterior",
+    "build_problem",
+    "join_priors",
+    "test_log_likelihood",
+]

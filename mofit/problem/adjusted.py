@@ -1,0 +1,97 @@
+"""The posterior adjusted to the noise of the data and the gap of the model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.parameters import ParameterSpace
+from mofit.problem.curvature_adjustment import Adjustment, Score, adjust
+from mofit.problem.posterior import CampaignPosterior
+
+
+@dataclass(frozen=True)
+class AdjustedPosterior:
+    """One mode of a problem with the adjusted likelihood (`mofit.problem.curvature_adjustment`).
+
+    Parameters
+    ----------
+    problem
+        The problem, ready to be evaluated around the mode.
+    adjustment
+        The map at the mode's minimum.
+    offset
+        Negative log likelihood of the problem itself there, so that modes compare.
+    squares
+        Weighted squares there.
+    score
+        Of every test there.
+    """
+
+    problem: CampaignPosterior
+    adjustment: Adjustment
+    offset: float
+    squares: float
+    score: Score
+
+    @property
+    def space(self) -> ParameterSpace:
+        """The free parameters."""
+        return self.problem.space
+
+    def log_posterior(self, u: FloatArray) -> FloatArray:
+        """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
+        result = np.full(len(u), -np.inf)
+        inside = np.all((u >= 0) & (u <= 1), axis=1)
+        if inside.any():
+            points = u[inside]
+            change = self.problem.squares(self.adjustment.mapped(points)) - self.squares
+            value = self.offset + self.adjustment.value(change, points) + self.problem.prior_density.value(points)
+            result[inside] = np.where(np.isfinite(value), -value, -np.inf)
+        return result
+
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        a = self.adjustment
+        squares, slope, curvature = self.problem.squares_terms(a.mapped(u))
+        change = squares - self.squares
+        shape = a.slope(change, u)[:, None]
+        gradient = shape * (a.scale * slope @ a.map + 2 * a.linear)
+        hessian = a.scale * shape[:, :, None] * np.einsum("ji,njk,kl->nil", a.map, curvature, a.map)
+        return (
+            self.offset + a.value(change, u) + self.problem.prior_density.value(u),
+            gradient + self.problem.prior_density.gradient(u),
+            hessian + self.problem.prior_density.precision,
+        )
+
+    def local(self, point: FloatArray, sd: FloatArray) -> AdjustedPosterior:
+        """The same, quicker to evaluate around a point (d,) with standard deviations (d,); see `Problem.local`."""
+        whole = self.problem
+        mapped = self.adjustment.mapped(point[None])
+        quick = whole.local(mapped[0], sd)
+        change = quick.squares(mapped) - whole.squares(mapped)
+        return replace(self, problem=quick, squares=self.squares + float(change[0]))
+
+    @property
+    def hessian(self) -> FloatArray:
+        """Of -log posterior at the minimum, shape (d, d)."""
+        return self._hessian(self.adjustment)
+
+    @property
+    def noise_hessian(self) -> FloatArray:
+        """What it would be if the model had no gap, shape (d, d)."""
+        return self._hessian(adjust(self.score, self.adjustment.centre, with_gap=False))
+
+    def _hessian(self, adjustment: Adjustment) -> FloatArray:
+        shape = (adjustment.freedom + len(adjustment.centre)) / adjustment.freedom
+        return shape * adjustment.precision + self.problem.prior_density.precision
+
+
+def adjusted_posterior(problem: CampaignPosterior, point: FloatArray, *, with_gap: bool = True) -> AdjustedPosterior:
+    """The posterior around a minimum (d,), adjusted to noise and gap, or to noise alone."""
+    score = problem.score(point)
+    offset = -float(problem.log_posterior(point[None])[0]) - float(problem.prior_density.value(point[None])[0])
+    squares = float(problem.squares(point[None])[0])
+    return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, squares, score)

@@ -1,0 +1,64 @@
+"""What earlier stages know: a Gaussian over some of the parameters, in unit coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mofit._typing import FloatArray
+
+
+@dataclass(frozen=True)
+class GaussianPrior:
+    r"""Gaussian prior over named parameters in the unit coordinates of their space.
+
+    .. math:: -\log p(u) = \tfrac12 (u - m)^T P (u - m)
+
+    Parameters
+    ----------
+    names
+        The parameters that it informs.
+    mean
+        Shape (k,), unit coordinates.
+    precision
+        Inverse covariance, shape (k, k).
+    """
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    precision: FloatArray
+
+    def over(self, names: tuple[str, ...]) -> GaussianPrior:
+        """The prior over more parameters, in this order; those it does not inform have precision 0."""
+        index = np.array([names.index(name) for name in self.names], dtype=int)
+        mean = np.full(len(names), 0.5)
+        precision = np.zeros((len(names), len(names)))
+        mean[index] = self.mean
+        precision[np.ix_(index, index)] = self.precision
+        return GaussianPrior(names, mean, precision)
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Negative log density up to a constant, shape (N,), at points (N, k)."""
+        offset = u - self.mean
+        return np.asarray(0.5 * np.einsum("ni,ij,nj->n", offset, self.precision, offset))
+
+    def gradient(self, u: FloatArray) -> FloatArray:
+        """Gradient of `value`, shape (N, k)."""
+        return np.asarray((u - self.mean) @ self.precision)
+
+
+#: No prior knowledge.
+FLAT = GaussianPrior((), np.empty(0), np.empty((0, 0)))
+
+
+def join_priors(priors: list[GaussianPrior], names: tuple[str, ...]) -> GaussianPrior:
+    """One prior over ``names`` from independent priors over disjoint subsets."""
+    mean = np.full(len(names), 0.5)
+    precision = np.zeros((len(names), len(names)))
+    for prior in priors:
+        wide = prior.over(names)
+        index = [names.index(name) for name in prior.names]
+        mean[index] = wide.mean[index]
+        precision += wide.precision
+    return GaussianPrior(names, mean, precision)

@@ -1,0 +1,287 @@
+"""The identification problem: a model, its tests, the free parameters, the noise and the prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign, Measurement
+from mofit.data.signals import SignalAnalysis, analyse
+from mofit.models import Model, System, build_system
+from mofit.parameters import ParameterLayout, ParameterSpace
+from mofit.problem.curvature_adjustment import Score
+from mofit.problem.likelihood import (
+    Noise,
+    TestSums,
+    effective_samples,
+    likelihood_terms,
+    negative_log_likelihood,
+    nrmsd,
+)
+from mofit.problem.local_model import coarse_steps, fold_periods, star
+from mofit.problem.prior import FLAT, GaussianPrior
+from mofit.problem.score_covariance import score_covariance
+from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, require
+
+#: Integration error that is allowed, relative to the output's range. Anywhere in the box: 1e-4 adds at most 1e-6 to an
+#: NRMSD of 5e-3. Near a mode: a share of the noise and gap there; on the paper's rig 3e-5, which is 0.1 N where the
+#: noise of a harmonic is about 0.6 N.
+TOLERANCE = 1e-4
+NOISE_SHARE = 5e-3
+TIGHTEST = 1e-6
+#: Standard deviations around a mode that a sampler visits.
+REACH = 12.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Search, refinement, sampling and diagnosis all read this.
+
+    Points are given in the unit cube of ``space``, batched: ``u`` has shape (N, d). A point outside the cube or whose
+    simulation fails has objective nan and log posterior -inf.
+
+    Attributes
+    ----------
+    model, system
+        The model and its vector form.
+    measurements, records
+        The tests used, and what their signals say (period, transient, noise).
+    space
+        The free parameters.
+    fixed
+        Values of the others.
+    simulator
+        The compiled model, driven by the tests.
+    drives
+        The tests as the kernel sees them.
+    noise
+        Counted and independent residuals per test.
+    prior
+        What earlier stages know of some free parameters.
+    """
+
+    model: Model
+    system: System
+    measurements: tuple[Measurement, ...]
+    signals: tuple[SignalAnalysis, ...]
+    layout: ParameterLayout
+    simulator: Simulator
+    experiments: tuple[ExperimentData, ...]
+    noise: Noise
+    prior: GaussianPrior = FLAT
+
+    @property
+    def main(self) -> Problem:
+        """The problem itself: it has no companions."""
+        return self
+
+    @property
+    def space(self) -> ParameterSpace:
+        """The free parameters."""
+        return self.layout.space
+
+    @property
+    def tests(self) -> tuple[str, ...]:
+        """Names of the tests: one objective each."""
+        return tuple(measurement.name for measurement in self.measurements)
+
+    @cached_property
+    def prior_density(self) -> GaussianPrior:
+        """The prior over all free parameters."""
+        return self.prior.over(self.space.names)
+
+    def objectives(self, u: FloatArray) -> FloatArray:
+        """NRMSD per test (eq. 10), shape (N, tests)."""
+        values = nrmsd(self.simulator.cost(self.layout.full(u)), self.noise.count)
+        return np.where(np.isfinite(values), values, np.nan)
+
+    def sums(self, u: FloatArray) -> TestSums:
+        """Cost, gradient and Gauss-Newton matrix per test, in unit coordinates."""
+        values = self.layout.full(u)
+        cost, gradient, normal = self.simulator.gauss_newton(values)
+        slope = self.space.derivative(self.space.from_unit(u))
+        return TestSums(
+            cost=cost,
+            gradient=gradient * slope[:, None, :],
+            normal=normal * slope[:, None, :, None] * slope[:, None, None, :],
+        )
+
+    def gradients(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        r"""NRMSD per test (N, T) and its gradient :math:`J_t^T W r_t / (n_t \mathrm{NRMSD}_t)`, (N, T, d)."""
+        sums = self.sums(u)
+        values = nrmsd(sums.cost, self.noise.count)
+        values = np.where(np.isfinite(values), values, np.nan)
+        scale = np.maximum(self.noise.count * values, np.finfo(float).tiny)
+        return values, sums.gradient / scale[..., None]
+
+    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        value, gradient, hessian = likelihood_terms(self.sums(u), self.noise)
+        prior = self.prior_density
+        return value + prior.value(u), gradient + prior.gradient(u), hessian + prior.precision
+
+    def log_posterior(self, u: FloatArray) -> FloatArray:
+        """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
+        result = np.full(len(u), -np.inf)
+        inside = np.all((u >= 0) & (u <= 1), axis=1)
+        if not inside.any():
+            return result
+        points = u[inside]
+        value = negative_log_likelihood(self.simulator.cost(self.layout.full(points)), self.noise)
+        value += self.prior_density.value(points)
+        result[inside] = np.where(np.isfinite(value), -value, -np.inf)
+        return result
+
+    def squares(self, u: FloatArray) -> FloatArray:
+        """Weighted sum of all tests' squares, shape (N,), as the likelihood sees them."""
+        return np.asarray(self.simulator.cost(self.layout.full(u)) @ self.noise.weights)
+
+    def squares_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same with gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
+        sums, weights = self.sums(u), self.noise.weights
+        return (
+            np.asarray(sums.cost @ weights),
+            2 * np.einsum("t,ntd->nd", weights, sums.gradient),
+            2 * np.einsum("t,ntde->nde", weights, sums.normal),
+        )
+
+    def score(self, point: FloatArray) -> Score:
+        """Gradient, curvature and covariance of the gradient of every test at a point (d,)."""
+        derivative = self.space.derivative(self.space.from_unit(point))
+        responses = [
+            (output[0], slopes[0] * derivative)
+            for output, slopes in self.simulator.sensitivities(self.layout.full(point[None]))
+        ]
+        periods = [analysis.period for analysis in self.signals]
+        return score_covariance(self.sums(point[None]), self.noise.weights, self.experiments, periods, responses)
+
+    def simulate(self, u: FloatArray) -> list[FloatArray]:
+        """Simulated outputs per test, shape (N, samples, outputs)."""
+        return self.simulator.simulate(self.layout.full(u))
+
+    def with_noise_at(self, u: FloatArray) -> Problem:
+        """The problem with its noise as seen at one point u (d,)."""
+        independent = []
+        for experiment, output in zip(self.experiments, self.simulate(u[None]), strict=True):
+            used = experiment.weights[:, 0] > 0
+            columns = (output[0] - experiment.measured)[used].T
+            independent.append(sum(effective_samples(column) for column in columns))
+        return replace(self, noise=self.noise.at(self.objectives(u[None])[0], np.array(independent)))
+
+    def with_noise(self, noise: Noise) -> Problem:
+        """The problem with another view of its noise."""
+        return replace(self, noise=noise)
+
+    def with_fixed(self, values: Mapping[str, float]) -> Problem:
+        """The problem with other values of parameters that are not free; those of free ones are ignored."""
+        return replace(self, layout=self.layout.with_fixed(values))
+
+    def near(self, points: FloatArray, sd: FloatArray) -> Problem:
+        """The same problem, integrated for the neighbourhood of points (K, d) with standard deviations (d,) only.
+
+        The number of integration steps need not cover the stiffest corner of the whole box then.
+        """
+        reach = REACH * sd
+        corners = np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0)
+        box = self.layout.box(corners)
+        tolerance = float(np.clip(NOISE_SHARE * np.sqrt(self.noise.variance.min()), TIGHTEST, TOLERANCE))
+        return replace(self, simulator=self.simulator.within(box, tolerance))
+
+    def local(self, point: FloatArray, sd: FloatArray) -> Problem:
+        """The same problem, as quick to simulate around a point (d,) as the tolerance allows.
+
+        Good for standard deviations (d,) around it; see `mofit.problem.local_model`.
+        """
+        values = self.layout.full(star(point, sd))
+        periods = [analysis.period for analysis in self.signals]
+        simulator, experiments = fold_periods(self.simulator, self.experiments, periods, values)
+        simulator, experiments = coarse_steps(simulator, experiments, values)
+        return replace(self, simulator=simulator, experiments=experiments)
+
+    def select(self, tests: Sequence[str]) -> Problem:
+        """The same problem on some of its tests."""
+        index = [self.tests.index(name) for name in tests]
+        experiments = tuple(self.experiments[i] for i in index)
+        return replace(
+            self,
+            measurements=tuple(self.measurements[i] for i in index),
+            signals=tuple(self.signals[i] for i in index),
+            experiments=experiments,
+            simulator=self.simulator.select(index),
+            noise=self.noise.select(index),
+        )
+
+
+def build_problem(
+    model: Model,
+    campaign: Campaign,
+    *,
+    space: ParameterSpace | None = None,
+    fixed: Mapping[str, float] | None = None,
+    prior: GaussianPrior = FLAT,
+    settled: bool = False,
+    jobs: int = 1,
+) -> Problem:
+    """Join a model and the tests of a campaign.
+
+    Parameters
+    ----------
+    model
+        Its channels and conditions are looked up in every test.
+    campaign
+        All of its tests are used.
+    space
+        Free parameters; all of the model's if not given.
+    fixed
+        Values of parameters that are not free; nominal if not given.
+    prior
+        Knowledge from earlier stages.
+    settled
+        Use only the samples after each test's transient, periodic or not.
+    jobs
+        Threads; results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        With every channel and condition that a test lacks.
+    """
+    system = build_system(model)
+    require(model, campaign)
+    layout = ParameterLayout.of_model(model.parameters, space, fixed)
+    excitation, output = first_input(model), model.outputs[0].name
+    signals = tuple(analyse(measurement, excitation, output) for measurement in campaign.measurements)
+    experiments = tuple(
+        experiment_data(model, measurement, analysis, settled)
+        for measurement, analysis in zip(campaign.measurements, signals, strict=True)
+    )
+    count = np.array([np.count_nonzero(experiment.weights) for experiment in experiments], dtype=float)
+    floor = np.array([_floor(analysis, model) for analysis in signals])
+    simulator = Simulator(
+        system,
+        experiments,
+        layout.space.names,
+        jobs=jobs,
+        tolerance=TOLERANCE,
+        box=layout.box(),
+    )
+    return Problem(
+        model=model,
+        system=system,
+        measurements=tuple(campaign.measurements),
+        signals=signals,
+        layout=layout,
+        simulator=simulator,
+        experiments=experiments,
+        noise=Noise(count, floor, count.copy()),
+        prior=prior,
+    )
+
+
+def _floor(analysis: SignalAnalysis, model: Model) -> float:
+    """NRMSD of the noise of all outputs together."""
+    return float(np.sqrt(np.mean([analysis.noise_floor.get(c.name, 0.0) ** 2 for c in model.outputs])))

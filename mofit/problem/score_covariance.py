@@ -1,0 +1,113 @@
+"""How much the slope of the likelihood scatters at a minimum: by noise, and by what the model misses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import fdtri
+
+from mofit._typing import FloatArray
+from mofit.data.signals import NoiseProcess, noise_process
+from mofit.problem.curvature_adjustment import Score
+from mofit.problem.likelihood import TestSums
+from mofit.simulation import ExperimentData
+
+#: A gap is one if the lines that repeat stand out of the noise so clearly that chance does it this rarely.
+_CHANCE = 0.01
+
+
+def score_covariance(
+    sums: TestSums,
+    weights: FloatArray,
+    experiments: Sequence[ExperimentData],
+    periods: Sequence[float | None],
+    responses: Sequence[tuple[FloatArray, FloatArray]],
+) -> Score:
+    """The score of every test at one point; see `mofit.problem.Score`.
+
+    Parameters
+    ----------
+    sums
+        Cost, gradient and Gauss-Newton matrix of every test there, one point.
+    weights
+        Weight of each test's squares.
+    experiments, periods
+        The tests, and the period of each in s, None where it has none.
+    responses
+        Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d).
+    """
+    processes, columns = [], []
+    for experiment, period, (output, slopes) in zip(experiments, periods, responses, strict=True):
+        found, scaled = _residual_noise(experiment, period, output, slopes)
+        processes.append(found)
+        columns.append(scaled)
+    excess, gap_freedom = _gap([process for found in processes for process in found], sums.gradient.shape[-1])
+    noise, gap, freedom = [], [], []
+    for found, scaled in zip(processes, columns, strict=True):
+        pairs = list(zip(found, scaled, strict=True))
+        noise.append(sum(process.score_covariance(own) for process, own in pairs))
+        gap.append(sum(process.score_covariance(own, _on_lines(process, excess)) for process, own in pairs))
+        freedom.append(sum(process.effective_degrees_of_freedom(own) for process, own in pairs))
+    return Score(
+        slope=weights[:, None] * sums.gradient[0],
+        normal=weights[:, None, None] * sums.normal[0],
+        noise=weights[:, None, None] ** 2 * np.array(noise),
+        gap=weights[:, None, None] ** 2 * np.array(gap),
+        freedom=np.array(freedom),
+        gap_freedom=gap_freedom,
+        gap_squares=excess,
+    )
+
+
+def _residual_noise(
+    experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
+) -> tuple[list[NoiseProcess], list[FloatArray]]:
+    """Noise of every output of a test and its sensitivities (n, d), relative to its range, over the samples used."""
+    processes, columns = [], []
+    for i in range(output.shape[1]):
+        used = experiment.weights[:, i] > 0
+        scale = np.sqrt(experiment.weights[used, i])
+        simulated = output[used, i] * scale
+        residual = experiment.measured[used, i] * scale - simulated
+        time = np.asarray(experiment.step * np.flatnonzero(used))
+        processes.append(noise_process(residual, simulated, time, period))
+        columns.append(slopes[used, i] * scale[:, None])
+    return processes, columns
+
+
+def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, float], float]:
+    """Squared amplitude on the fundamental and on the harmonics beyond the noise, and the degrees of freedom behind it.
+
+    Relative to the range of the output, as all residuals are, and so the same for all tests. The fit has taken up to
+    one degree of freedom per parameter out of the two that each fundamental has.
+    """
+    lined = [process for process in processes if len(process.harmonics)]
+    pairs = [
+        np.stack(
+            [4 / p.count * p.harmonic_power, 4 / p.count * p.spectrum[p.harmonics], p.degrees_of_freedom[p.harmonics]],
+            axis=1,
+        )
+        for p in lined
+    ]
+    first = np.array([pair[0] for pair in pairs]).reshape(-1, 3)
+    higher = np.concatenate([pair[1:] for pair in pairs] or [np.empty((0, 3))])
+    freedom = float(max(2 * len(first) - parameters, 0))
+    return (_excess(first, freedom), _excess(higher, 2.0 * len(higher))), max(freedom, 1.0)
+
+
+def _excess(lines: FloatArray, freedom: float) -> float:
+    """What a line has beyond the noise, from what it has, the noise and its degrees of freedom; 0 if by chance."""
+    if freedom <= 0:
+        return 0.0
+    power, noise, known = lines.T
+    if 2 / freedom * np.sum(power / noise) < fdtri(freedom, np.median(known), 1 - _CHANCE):
+        return 0.0
+    return max(float(2 / freedom * np.sum(power) - np.mean(noise)), 0.0)
+
+
+def _on_lines(process: NoiseProcess, excess: tuple[float, float]) -> FloatArray:
+    """The spectrum of the gap on the bins of a record."""
+    spectrum = np.zeros_like(process.spectrum)
+    spectrum[process.harmonics[:1]], spectrum[process.harmonics[1:]] = process.count / 4 * np.array(excess)
+    return spectrum

@@ -1,0 +1,151 @@
+"""Minima of each test alone beside the joint estimate (Hackl et al. 2016, Table 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from mofit._typing import FloatArray
+from mofit.report.leverage import extract_leverage, leverage_figure
+from mofit.report.run import Run, labels, numbers
+from mofit.report.toolkit.axes import all_differ, axis_of_frequencies, axis_of_tests, few_ticks, log_axis
+from mofit.report.toolkit.blocks import Block, Column, Details, Section, Table, Text
+from mofit.report.toolkit.figures import MEASURED, Panels, dot_key, line_key, mode_colour
+from mofit.report.toolkit.formatting import compact, parameter_head, parameter_label, percent, plus_minus
+
+_LOG_FROM = 8.0
+"""Ratio of the largest to the smallest estimate from which the axis of a log-scaled parameter is logarithmic."""
+
+
+@dataclass(frozen=True)
+class PerTest:
+    """Minima of single tests, shape (test, minimum, parameter), SI units, and the best mode's joint estimate.
+
+    `joint` are value, 5 and 95 % quantile, shape (parameter, 3).
+    """
+
+    tests: list[str]
+    frequency: FloatArray
+    parameters: list[str]
+    value: FloatArray
+    sd: FloatArray
+    nrmsd: FloatArray
+    joint: FloatArray
+
+
+def extract_per_test(run: Run) -> PerTest | None:
+    """The tests that were identified alone, or None where the run has none."""
+    node = run.group("per_frequency")
+    if node is None:
+        return None
+    value = numbers(node, "value")
+    some = np.asarray(np.isfinite(value).any(axis=(1, 2)))
+    if not some.any():
+        return None
+    names, best = labels(node, "parameter"), run.best
+    rows = np.stack([best.array(name) for name in ("value", "q05", "q95")], axis=1)
+    joint = dict(zip(best.parameters, rows, strict=True))
+    tests = [test for test, there in zip(labels(node, "test"), some, strict=True) if there]
+    return PerTest(
+        tests=tests,
+        frequency=np.array([run.of_tests("frequency")[run.tests.index(test)] for test in tests]),
+        parameters=names,
+        value=value[some],
+        sd=numbers(node, "sd")[some] if "sd" in node.data_vars else np.full(value[some].shape, np.nan),
+        nrmsd=numbers(node, "nrmsd")[some],
+        joint=np.array([joint.get(name, np.full(3, np.nan)) for name in names]),
+    )
+
+
+def draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
+    """One parameter over frequency (or test): best minimum filled, ± sd, others hollow, a band for the joint one."""
+    own = run.space(found.parameters).parameters[k]
+    value, low, high = found.joint[k]
+    if np.isfinite(low):
+        axes.axhspan(low, high, color=mode_colour(0), alpha=0.2, lw=0)
+    axes.axhline(value, color=mode_colour(0), lw=1.6)
+    if all_differ(found.frequency):
+        x = found.frequency
+        axis_of_frequencies(axes, x)
+    else:
+        x = axis_of_tests(axes, found.tests)
+    first, sd = found.value[:, 0, k], found.sd[:, 0, k]
+    bars = np.maximum(first - sd, own.lower), np.minimum(first + sd, own.upper)
+    for rank in range(found.value.shape[1] - 1, 0, -1):
+        axes.plot(x, found.value[:, rank, k], ls="none", marker="o", ms=5, mfc="white", mec=MEASURED, mew=0.9)
+    axes.vlines(x, *bars, color=MEASURED, lw=1.0)
+    axes.plot(x, first, ls="none", marker="o", ms=5, mfc=MEASURED, mec=MEASURED, mew=0.9)
+    few_ticks(axes, None, 5)
+    values = found.value[:, :, k]
+    finite = values[np.isfinite(values)]
+    if own.scale == "log" and finite.size and finite.max() > _LOG_FROM * finite.min():
+        log_axis(axes, "y")
+    axes.set_title(parameter_label(own.name, own.unit))
+    return axes
+
+
+def per_test_panels(run: Run, found: PerTest, best: str, others: str) -> Panels:
+    """A panel per parameter; `best` and `others` name the filled and the hollow points."""
+    legend: list[Line2D] = [dot_key(MEASURED, best)]
+    if np.isfinite(found.value[:, 1:]).any():
+        legend.append(dot_key(MEASURED, others, hollow=True))
+    legend.append(line_key(mode_colour(0), f"all tests together, {run.best.name}, 5–95 %", lw=3, alpha=0.7))
+    panels = Panels(len(found.parameters), 3, 2.1, legend=legend, margin=(0.8, 0.55, 0.15), gap=(0.8, 0.8))
+    for k, axes in enumerate(panels.axes):
+        draw_per_test(run, found, k, axes)
+    panels.label("frequency (Hz)" if all_differ(found.frequency) else "")
+    return panels
+
+
+def per_test_section(run: Run) -> Section | None:
+    """Figure and table of the minima of single tests, and the leverage of each test."""
+    found = extract_per_test(run)
+    if found is None:
+        return None
+    figure = per_test_panels(run, found, "best minimum of a test, ± sd", "its other minima").figure(
+        "Parameters identified from each test alone, with the joint estimate",
+        "A parameter per panel: minima found from one test alone, and the estimate from all tests together.",
+        good="the points scatter around the line within their bars.",
+        bad="the points drift with frequency beyond their bars: the parameter compensates an effect that the model "
+        "lacks.",
+    )
+    blocks: list[Block] = [
+        Text(
+            "Each test identified alone, with up to three minima. They may scatter or drift with frequency while the "
+            "joint estimate does not. Then a single test does not identify the parameters, or the model is not the "
+            "same at all frequencies."
+        ),
+        figure,
+        Details("Table of the minima per test", [_table(run, found)]),
+    ]
+    leverage = extract_leverage(run)
+    if leverage is not None and len(leverage.tests) > 1:
+        blocks.append(leverage_figure(run, leverage))
+    return Section("per_test", "Minima of single tests", blocks, {"per_test": found, "leverage": leverage})
+
+
+def _table(run: Run, found: PerTest) -> Table:
+    rows = [(t, m) for t, m in np.ndindex(*found.nrmsd.shape) if np.isfinite(found.value[t, m]).any()]
+
+    def once(cells: Sequence[str]) -> list[str]:
+        return [cells[t] if m == 0 else "" for t, m in rows]
+
+    return Table(
+        [
+            Column("Test", once(found.tests)),
+            Column("Frequency (Hz)", once([compact(hertz, 4) for hertz in found.frequency])),
+            *(
+                Column(
+                    parameter_head(name, run.unit(name)),
+                    [plus_minus(found.value[t, m, k], found.sd[t, m, k]) for t, m in rows],
+                )
+                for k, name in enumerate(found.parameters)
+            ),
+            Column("NRMSD", [percent(float(found.nrmsd[t, m])) for t, m in rows]),
+        ],
+        "Local minima of each test identified separately, best first (Table 4 of the paper).",
+    )

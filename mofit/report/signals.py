@@ -1,0 +1,140 @@
+"""Measured and simulated signals: hysteresis loops and time traces (Hackl et al. 2016, Figure 10, above)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from mofit.report.overlay import BROADBAND, Overlay, extract_overlays, output_unit
+from mofit.report.run import SHOWN, Run
+from mofit.report.spectrum import extract_spectra, spectra_figure
+from mofit.report.toolkit.axes import few_ticks
+from mofit.report.toolkit.blocks import Block, Figure, Section, Text
+from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.formatting import Unit, display_unit
+
+_DENSE = 800
+"""Samples from which a curve is rasterised."""
+
+
+def draw_loop(overlays: Sequence[Overlay], unit: Unit, axes: Axes, *, predictive: bool = False) -> Axes:
+    """Output over input of one test, over time where it has no loop.
+
+    Measured points, the baseline, and a line per mode with the best on top; with `predictive` instead the mean of the
+    best mode's draws and the 90 % band of a new measurement.
+    """
+    first = overlays[0]
+    looped = first.loops or not predictive
+    x_unit = display_unit(first.input_unit, first.input) if looped else Unit("s")
+    x = x_unit.factor * first.input if looped else first.time - first.time[0]
+    dense: dict[str, Any] = {"rasterized": x.size > _DENSE}
+    axes.plot(x, unit.factor * first.measured, color=MEASURED, ls="none", marker=".", ms=3.2, **dense)
+    if predictive:
+        axes.plot(x, unit.factor * first.middle, color=mode_colour(0), lw=1.3)
+        for edge in (-first.predictive_band, first.predictive_band):
+            axes.plot(x, unit.factor * (first.middle + edge), color=mode_colour(0), lw=0.6, ls="--", alpha=0.8)
+    else:
+        if first.baseline.size:
+            axes.plot(x, unit.factor * first.baseline, color=BASELINE, ls="--", lw=1.2, **dense)
+        for k, overlay in reversed([*enumerate(overlays)]):
+            axes.plot(x, unit.factor * overlay.simulated, color=mode_colour(k), lw=1.5 if k == 0 else 1.0, **dense)
+    axes.set_title(first.test)
+    axes.set_xlabel(x_unit.label(first.input_name if looped else "time"), labelpad=1)
+    few_ticks(axes)
+    return axes
+
+
+def draw_trace(overlay: Overlay, unit: Unit, small: Unit, axes: Axes, residual: Axes) -> Axes:
+    """Output in `unit` over time, and measured − simulated in `small` below it with the noise (± 2 sd)."""
+    colour, time = mode_colour(0), overlay.time
+    remaining = overlay.measured - overlay.simulated
+    axes.plot(time, unit.factor * overlay.measured, color=MEASURED, lw=2.6, alpha=0.35)
+    noise = 2 * small.factor * overlay.noise_sd
+    residual.axhspan(-noise, noise, color=FLOOR, alpha=0.3, lw=0)
+    if overlay.baseline.size:
+        axes.plot(time, unit.factor * overlay.baseline, color=BASELINE, ls="--", lw=1.0)
+        residual.plot(time, small.factor * (overlay.measured - overlay.baseline), color=BASELINE, lw=0.8)
+    axes.plot(time, unit.factor * overlay.simulated, color=colour, lw=1.2)
+    if overlay.draws.size:
+        low, high = small.factor * (overlay.quantiles - overlay.simulated)
+        residual.fill_between(time, low, high, color=colour, alpha=0.3, lw=0)
+    residual.plot(time, small.factor * remaining, color=colour, lw=0.8)
+    residual.axhline(0, color=MEASURED, lw=0.6)
+    limit = 1.1 * small.factor * max(3 * overlay.noise_sd, float(np.max(np.abs(remaining))))
+    if limit > 0:
+        residual.set_ylim(-limit, limit)
+    axes.set_title(overlay.test)
+    axes.set_xlim(time[0], time[-1])
+    few_ticks(axes)
+    few_ticks(residual, None, 2)
+    return axes
+
+
+def loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str) -> Figure:
+    """A panel per test; `loops` holds the tests of each mode, best first."""
+    modes = list(loops.values())
+    legend = [dot_key(MEASURED, "measured", marker=".")]
+    legend += [line_key(mode_colour(k), f"model, {name}") for k, name in enumerate(loops)]
+    if baseline:
+        legend.append(line_key(BASELINE, baseline, ls="--"))
+    panels = Panels(len(modes[0]), 4, 1.75, legend=legend, margin=(0.75, 0.5, 0.1), gap=(0.5, 0.85))
+    for k, axes in enumerate(panels.axes):
+        draw_loop([overlays[k] for overlays in modes], unit, axes)
+    panels.label(y=unit.label(modes[0][0].output_name))
+    return panels.figure(
+        "Hysteresis loops, measured and simulated, per test",
+        "Output over input in the last full period of each test. The area of the loop is the energy lost per cycle, "
+        "its slope the dynamic stiffness.",
+        good="the model's line runs through the middle of the measured points all the way round.",
+        bad="the model's loop is thinner, steeper or rounder at the ends than the measured one.",
+    )
+
+
+def traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str) -> Figure:
+    """A panel with its residual per test."""
+    small = display_unit(traces[0].output_unit, np.concatenate([t.measured - t.simulated for t in traces]))
+    legend = [line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(mode_colour(0), f"model, {mode}")]
+    if baseline:
+        legend.append(line_key(BASELINE, baseline, ls="--"))
+    legend.append(band_key(FLOOR, "noise, ± 2 sd"))
+    if any(overlay.draws.size for overlay in traces):
+        legend.append(band_key(mode_colour(0), "model, 5–95 %", 0.35))
+    panels = Panels(len(traces), 3, 1.15, legend=legend, lower=0.6, margin=(0.7, 0.5, 0.1), gap=(0.55, 0.62))
+    for overlay, axes, below in zip(traces, panels.axes, panels.lower, strict=True):
+        draw_trace(overlay, unit, small, axes, below)
+    panels.label("time (s)", unit.name, small.name)
+    return panels.figure(
+        "Measured and simulated output over time with the residual, per test",
+        f"Output ({traces[0].output_name}, {unit.name}) over time of mode {mode}: the last two full periods of "
+        f"periodic tests, the last samples of broadband ones. Below: measured − simulated ({small.name}).",
+        good="the residual is shapeless and stays inside the noise band.",
+        bad="the residual repeats every period or leaves the band: the model misses something systematic there.",
+    )
+
+
+def signals_section(run: Run) -> Section | None:
+    """Loops of all modes; traces and spectra of the best."""
+    by_mode = {mode.name: found for mode in run.shown if (found := extract_overlays(run, mode))}
+    name = run.best.name
+    if name not in by_mode:
+        return None
+    best = by_mode[name]
+    baseline = run.baseline_title if any(overlay.baseline.size for overlay in best) else ""
+    unit = output_unit(best)
+    loops = {key: [o.last(1) for o in overlays if o.loops] for key, overlays in by_mode.items()}
+    traces, spectra = [o.last(2) for o in best], extract_spectra([o for o in best if o.excitation in BROADBAND])
+    blocks: list[Block] = [loops_figure(loops, unit, baseline)] if loops[name] else []
+    blocks.append(traces_figure(traces, unit, baseline, name))
+    if spectra:
+        blocks.append(spectra_figure(spectra, unit, baseline, name))
+    if len(run.modes) > SHOWN:
+        blocks.append(Text(f"The figures show the {SHOWN} best modes; the tables list all {len(run.modes)}."))
+    data = {
+        "loops": {key: [overlay.summary() for overlay in found] for key, found in loops.items()},
+        "traces": [overlay.summary() for overlay in traces],
+        "spectra": spectra,
+    }
+    return Section("signals", "Measured and simulated", blocks, data)

@@ -1,0 +1,1 @@
+"""Building blocks of every page: text, tables, figures, and numbers as an engineer reads them."""

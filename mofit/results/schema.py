@@ -1,0 +1,228 @@
+"""What a ``mofit.result/2`` tree holds: the names, dimensions, units and descriptions of its variables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import partial
+
+SCHEMA = "mofit.result/2"
+EARLIER = ("mofit.result/1",)
+
+#: units of a variable over parameters: each has its own, which the coordinate ``unit`` beside it names
+OWN_UNIT = "as unit"
+
+#: what the labels along a dimension are
+AXES = {
+    "parameter": "parameter of the model",
+    "parameter_": "parameter of the model, second axis of a matrix",
+    "parameter_baseline": "parameter of the baseline model",
+    "test": "test of the campaign",
+    "objective": "test whose NRMSD is an objective of the search",
+    "chain": "independent ensemble of walkers",
+    "draw": "draw from the posterior within its ensemble",
+    "checkpoint": "evaluations of the search so far",
+}
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a group.
+
+    Parameters
+    ----------
+    dims
+        Names of the dimensions, separated by spaces; ``{stage}`` is the name of a calibration stage.
+    units
+        SI unit, ``"1"`` without one; empty where it depends on the model or the campaign.
+    long_name
+        What it is, in a few words; empty where it depends on the model.
+    required
+        Whether a result without it is refused; of a group that is there.
+    """
+
+    dims: str
+    units: str
+    long_name: str
+    required: bool = True
+
+
+_optional = partial(Variable, required=False)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Variables of a group by name, its required attributes, and whether every result has it."""
+
+    variables: Mapping[str, Variable] = field(default_factory=dict)
+    attributes: tuple[str, ...] = ()
+    required: bool = False
+
+
+#: attributes of the root that hold JSON
+JSON_ATTRIBUTES = ("configuration", "library_versions", "seconds", "evaluations", "warnings")
+
+_ROOT = Group(
+    {
+        "excitation": Variable("test", "1", "type of excitation"),
+        "frequency": Variable("test", "Hz", "frequency on the label"),
+        "amplitude": Variable("test", "", "amplitude on the label"),
+        "period": Variable("test", "s", "period found in the data"),
+        "periods": Variable("test", "1", "whole periods"),
+        "transient": Variable("test", "s", "time at the start that is not used"),
+        "noise_sd": Variable("test", "", "standard deviation of the output's noise"),
+        "noise_floor": Variable("test", "1", "NRMSD of the noise alone"),
+        "range": Variable("test", "", "peak-to-peak of the output"),
+        "weight": Variable("test", "1", "weight in the search"),
+        "gap": _optional("", "1", "NRMSD that the model misses, common to all tests"),
+        "effective_samples": _optional("test", "1", "number of independent residuals"),
+    },
+    (
+        *("schema", "title", "mofit_version", "created", "seed", "model", "model_title", "campaign_title"),
+        *("campaign_source", "configuration_hash", "campaign_hash", "converged", *JSON_ATTRIBUTES),
+    ),
+    required=True,
+)
+_PARAMETERS = Group(
+    {
+        "lower": Variable("parameter", OWN_UNIT, "lower bound"),
+        "upper": Variable("parameter", OWN_UNIT, "upper bound"),
+        "nominal": Variable("parameter", OWN_UNIT, "nominal value"),
+        "unit": Variable("parameter", "1", "SI unit of the parameter"),
+        "scale": Variable("parameter", "1", "scale that is searched: linear or log"),
+        "role": Variable("parameter", "1", "stage that identifies it first"),
+        "description": Variable("parameter", "1", "meaning"),
+    },
+    required=True,
+)
+_SEARCH = Group(
+    {
+        "points": Variable("evaluation parameter", OWN_UNIT, "evaluated points"),
+        "nrmsd": Variable("evaluation objective", "1", "NRMSD per test"),
+        "archived": _optional("archive parameter", OWN_UNIT, "archived minima"),
+        "archived_cost": _optional("archive", "1", "weighted mean NRMSD"),
+        "population": _optional("member parameter", OWN_UNIT, "final population"),
+        "best": _optional("checkpoint", "1", "least weighted mean NRMSD"),
+        "hypervolume": _optional(
+            "checkpoint", "1", "dominated share of the box from best to median of every objective"
+        ),
+    },
+    ("method", "evaluations"),
+)
+_FRONT = Group(
+    {
+        "nrmsd": Variable("point objective", "1", "NRMSD per test"),
+        "parameters": Variable("point parameter", OWN_UNIT, "non-dominated points"),
+    }
+)
+_MINIMA = Group(
+    {
+        "value": Variable("minimum parameter", OWN_UNIT, "refined minimum"),
+        "nrmsd": Variable("minimum test", "1", "NRMSD per test"),
+        "log_posterior": Variable("minimum", "1", "log posterior density"),
+        "at_bound": Variable("minimum parameter", "1", "-1 at the lower, 1 at the upper bound"),
+    }
+)
+#: what a mode with posterior draws must have
+SAMPLED = ("mean", "sd", "q05", "q50", "q95", "ess", "r_hat", "tau", "contraction", "verdict")
+_MODE = Group(
+    {
+        "value": Variable("parameter", OWN_UNIT, "MAP estimate"),
+        "at_bound": Variable("parameter", "1", "-1 at the lower, 1 at the upper bound"),
+        "nrmsd": Variable("test", "1", "NRMSD at the MAP estimate"),
+        "laplace_sd": _optional("parameter", OWN_UNIT, "standard deviation (Laplace)"),
+        "laplace_correlation": _optional("parameter parameter_", "1", "correlation (Laplace)"),
+        "noise_sd": _optional("parameter", OWN_UNIT, "standard deviation by noise alone, without gap (Laplace)"),
+        "mean": _optional("parameter", OWN_UNIT, "posterior mean"),
+        "sd": _optional("parameter", OWN_UNIT, "posterior standard deviation"),
+        "q05": _optional("parameter", OWN_UNIT, "5 % quantile"),
+        "q50": _optional("parameter", OWN_UNIT, "median"),
+        "q95": _optional("parameter", OWN_UNIT, "95 % quantile"),
+        "ess": _optional("parameter", "1", "effective sample size"),
+        "r_hat": _optional("parameter", "1", "split R-hat between ensembles"),
+        "tau": _optional("parameter", "1", "integrated autocorrelation time in steps"),
+        "contraction": _optional("parameter", "1", "1 - posterior sd / prior sd"),
+        "verdict": _optional("parameter", "1", "identifiability"),
+        "leverage": _optional(
+            "test parameter", "1", "relative change of NRMSD per standard deviation of the parameter"
+        ),
+    },
+    ("log_evidence", "probability", "log_posterior", "converged", "evaluations"),
+)
+_PROFILE = Group(
+    {
+        "value": Variable("parameter point", OWN_UNIT, "fixed value"),
+        "neg_log_posterior": Variable("parameter point", "1", "negative log posterior above that of the MAP estimate"),
+        "converged": _optional("parameter point", "1", "1 where the minimisation over the others converged"),
+    }
+)
+_SAMPLE_STATS = Group(
+    {
+        "lp": Variable("chain draw", "1", "log posterior density"),
+        "walker": Variable("chain draw", "1", "walker in its ensemble"),
+        "step": Variable("chain draw", "1", "step of the ensemble"),
+    },
+    ("acceptance",),
+)
+_MIXTURE = Group(
+    {
+        "mean": Variable("parameter", OWN_UNIT, "mean over all modes"),
+        "sd": Variable("parameter", OWN_UNIT, "standard deviation over all modes"),
+        "q05": Variable("parameter", OWN_UNIT, "5 % quantile over all modes"),
+        "q50": Variable("parameter", OWN_UNIT, "median over all modes"),
+        "q95": Variable("parameter", OWN_UNIT, "95 % quantile over all modes"),
+    }
+)
+_PER_FREQUENCY = Group(
+    {
+        "value": Variable("test minimum parameter", OWN_UNIT, "minimum of this test alone"),
+        "nrmsd": Variable("test minimum", "1", "NRMSD of this test"),
+        "sd": _optional("test minimum parameter", OWN_UNIT, "standard deviation (Laplace)"),
+    }
+)
+_BASELINE = Group(
+    {
+        "value": Variable("parameter_baseline", OWN_UNIT, "MAP estimate"),
+        "nrmsd": Variable("test", "1", "NRMSD per test"),
+    },
+    ("model", "model_title"),
+)
+_CALIBRATION = Group(
+    {
+        "value": Variable("parameter_{stage}", OWN_UNIT, "estimate"),
+        "sd": Variable("parameter_{stage}", OWN_UNIT, "standard deviation"),
+        "x": Variable("sample", "", ""),
+        "measured": Variable("sample", "", ""),
+        "fitted": Variable("sample", "", ""),
+        "nrmsd": Variable("", "1", "mean NRMSD of the stage"),
+    },
+    ("model", "tests"),
+)
+
+#: every group by its path; ``*`` is the name of a mode or of a calibration stage
+GROUPS: Mapping[str, Group] = {
+    "/": _ROOT,
+    "/parameters": _PARAMETERS,
+    "/search": _SEARCH,
+    "/front": _FRONT,
+    "/minima": _MINIMA,
+    "/per_frequency": _PER_FREQUENCY,
+    "/baseline": _BASELINE,
+    "/calibration/*": _CALIBRATION,
+    "/modes": Group(required=True),
+    "/modes/*": _MODE,
+    "/modes/*/profile": _PROFILE,
+    "/modes/*/sample_stats": _SAMPLE_STATS,
+    "/mixture": _MIXTURE,
+    "/mixture/sample_stats": Group({"mode": Variable("chain draw", "1", "number of the mode: 2 is m2")}),
+    "/observed_data": Group(required=True),
+    "/constant_data": Group(required=True),
+}
+
+
+def group_at(path: str) -> tuple[Group, str]:
+    """The group of a path, and the name of its mode or stage; an unknown group is empty."""
+    parts = path.strip("/").split("/")
+    name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
+    key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
+    return GROUPS.get(key, Group()), name

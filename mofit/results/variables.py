@@ -1,0 +1,131 @@
+"""Plain arrays become labelled variables: every one carries its unit and says what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from mofit._typing import FloatArray
+from mofit.parameters import ParameterSpace
+from mofit.results.schema import AXES, group_at
+
+
+def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name: str) -> xr.Variable:
+    """A variable of the result tree.
+
+    Parameters
+    ----------
+    dims
+        Names of the dimensions, in the order of the array's axes.
+    values
+        Numbers in SI units, or strings.
+    units
+        SI unit; ``"1"`` if there is none.
+    long_name
+        What the variable is, in a few words.
+    """
+    return xr.Variable(dims, np.asarray(values), {"units": units, "long_name": long_name})
+
+
+def axis(dim: str, values: ArrayLike) -> xr.Variable:
+    """A coordinate: the labels along ``dim``, which says what they are."""
+    known = AXES.get(dim) or f"parameter of the stage {dim.removeprefix('parameter_').replace('_', ' ')}"
+    return quantity(dim, values, "1", known)
+
+
+def group_dataset(
+    path: str,
+    values: Mapping[str, ArrayLike],
+    coords: Mapping[str, xr.Variable],
+    attributes: Mapping[str, object] | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
+    long_names: Mapping[str, str] | None = None,
+) -> xr.Dataset:
+    """A group of the result tree, its variables labelled as the schema (`mofit.results.schema`) has them.
+
+    Parameters
+    ----------
+    path
+        Of the group: ``"/search"``, ``"/modes/m1"``.
+    values
+        Of the variables by name; all of them are in the schema.
+    coords
+        Labels along their dimensions.
+    attributes
+        Of the group.
+    units, long_names
+        Of variables for which the schema leaves them to the model.
+    """
+    group, name = group_at(path)
+    variables = {}
+    for key, content in values.items():
+        known = group.variables[key]
+        unit, text = known.units or (units or {})[key], known.long_name or (long_names or {})[key]
+        variables[key] = quantity(known.dims.format(stage=name).split(), content, unit, text)
+    return xr.Dataset(variables, coords, attributes)
+
+
+def draws_dataset(space: ParameterSpace, values: FloatArray) -> xr.Dataset:
+    """Posterior draws (chain, draw, d) of the parameters of a space, each a variable of its own as ArviZ wants it."""
+    return xr.Dataset(
+        {
+            p.name: quantity(("chain", "draw"), values[..., i], p.unit, p.description or p.name)
+            for i, p in enumerate(space.parameters)
+        },
+        draw_axes(values.shape),
+    )
+
+
+def draw_axes(shape: Sequence[int]) -> dict[str, xr.Variable]:
+    """Coordinates of variables over (chain, draw, …)."""
+    return {"chain": axis("chain", range(shape[0])), "draw": axis("draw", range(shape[1]))}
+
+
+def parameter_axis(names: Iterable[str], units: Iterable[str], dim: str = "parameter") -> dict[str, xr.Variable]:
+    """Coordinates of variables over parameters: the names, and beside each its SI unit (see `OWN_UNIT`)."""
+    return {dim: axis(dim, list(names)), "unit": quantity(dim, list(units), "1", "SI unit of the parameter")}
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One signal of one test, or many draws of it.
+
+    Parameters
+    ----------
+    test
+        Name of the test; the time dimension is called ``time_<test>`` since lengths differ between tests.
+    time
+        Shape (n,), s.
+    values
+        Shape (n,), or (chain, draw, n) for draws from a posterior.
+    units, long_name
+        As in `quantity`.
+    """
+
+    test: str
+    time: ArrayLike
+    values: ArrayLike
+    units: str
+    long_name: str
+
+
+def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
+    """Signals of several tests in one dataset, each over its own ``time_<test>``.
+
+    Parameters
+    ----------
+    signals
+        Variable name to signal, e.g. ``{"sine_1": ..., "sine_1_slip_angle": ...}``.
+    """
+    variables, coords = {}, {}
+    for name, signal in signals.items():
+        time = f"time_{signal.test}"
+        lead = ("chain", "draw") if np.ndim(signal.values) == 3 else ()
+        variables[name] = quantity((*lead, time), signal.values, signal.units, signal.long_name)
+        coords[time] = quantity(time, signal.time, "s", f"time of {signal.test}")
+    return xr.Dataset(variables, coords)

@@ -1,0 +1,129 @@
+"""The folder of a run: worked on under a temporary name, renamed when done, taken up again by ``--resume``."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from mofit.errors import InputError
+
+PARTIAL = ".partial"
+CONFIGURATION = "configuration.json"
+
+
+def configuration_hash(configuration: Mapping[str, Any]) -> str:
+    """Hash of what decides a run's numbers."""
+    return sha256(json.dumps(configuration, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """Where a run ends up (``target``) and where it is made (``partial``)."""
+
+    target: Path
+    partial: Path
+
+    @contextmanager
+    def at_work(self, configuration: Mapping[str, Any]) -> Iterator[Path]:
+        """The partial folder; renamed to the target on success, kept for ``--resume`` when interrupted.
+
+        Bad input found on the way leaves nothing behind, unless an earlier run had left the folder.
+        """
+        new = not self.partial.exists()
+        self.partial.mkdir(parents=True, exist_ok=True)
+        record = self.partial / CONFIGURATION
+        if not record.exists():
+            temporary = record.with_suffix(".tmp")
+            temporary.write_text(json.dumps(configuration, indent=1, sort_keys=True))
+            os.replace(temporary, record)
+        try:
+            yield self.partial
+        except InputError:
+            if new:
+                shutil.rmtree(self.partial)
+            raise
+        (self.partial / CONFIGURATION).unlink()
+        os.replace(self.partial, self.target)
+
+
+def plan_folder(out: Path | None, stem: str, configuration: Mapping[str, Any], *, resume: bool) -> RunFolder:
+    """Find the folder of a run; nothing is written yet.
+
+    Parameters
+    ----------
+    out
+        The folder asked for; by default the next free ``runs/<stem>``, ``runs/<stem>-2`` …
+    stem
+        Base of the default name.
+    configuration
+        Everything that decides the run's numbers; a run is resumed only with the same.
+    resume
+        Take up an interrupted run.
+
+    Raises
+    ------
+    InputError
+        If the folder exists, or there is nothing (or something else) to resume.
+    """
+    if resume:
+        return _interrupted(out, stem, configuration)
+    if out is not None:
+        folder = _folder(out)
+        if folder.target.exists():
+            raise InputError.of(f"--out {out}", "exists already", "Choose another folder, or remove it")
+        if folder.partial.exists():
+            raise InputError.of(
+                f"--out {out}", "an interrupted run is there", f"Add --resume, or remove {folder.partial}"
+            )
+        return folder
+    number = 1
+    while True:
+        folder = _folder(Path("runs") / (stem if number == 1 else f"{stem}-{number}"))
+        if not folder.target.exists() and not folder.partial.exists():
+            return folder
+        number += 1
+
+
+def _folder(target: Path) -> RunFolder:
+    return RunFolder(target, target.with_name(target.name + PARTIAL))
+
+
+def _interrupted(out: Path | None, stem: str, configuration: Mapping[str, Any]) -> RunFolder:
+    if out is not None:
+        folder = _folder(out)
+        if not folder.partial.exists():
+            raise InputError.of(f"--out {out}", "there is no interrupted run to resume", "Leave --resume out")
+        differing = _difference(folder.partial, configuration)
+        if differing:
+            raise InputError.of(
+                f"--resume {out}",
+                f"the interrupted run was started with other settings ({', '.join(differing)})",
+                "Give the same options and file, or start a new run with another --out",
+            )
+        return folder
+    candidates = sorted(Path("runs").glob(f"{stem}*{PARTIAL}"), key=lambda path: path.stat().st_mtime, reverse=True)
+    for partial in candidates:
+        if not _difference(partial, configuration):
+            return RunFolder(partial.with_name(partial.name.removesuffix(PARTIAL)), partial)
+    raise InputError.of(
+        "--resume",
+        f"no interrupted run with these settings under runs/ ({stem})",
+        "Name it with --out, or leave --resume out",
+    )
+
+
+def _difference(partial: Path, configuration: Mapping[str, Any]) -> list[str]:
+    """Names of the settings that differ from those of an interrupted run."""
+    record = partial / CONFIGURATION
+    if not record.exists():
+        return []
+    earlier = json.loads(record.read_text())
+    now = json.loads(json.dumps(configuration))
+    return sorted(key for key in {*earlier, *now} if earlier.get(key) != now.get(key))

@@ -1,0 +1,6 @@
+"""CasADi SX to SIMD machine code: batches of parameter sets through the tests of a campaign."""
+
+from mofit.simulation.experiment import ExperimentData, experiment_data, first_input, lacking, require
+from mofit.simulation.simulator import Simulator
+
+__all__ = ["ExperimentData", "Simulator", "experiment_data", "first_input", "lacking", "require"]

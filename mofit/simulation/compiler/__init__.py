@@ -1,0 +1,1 @@
+"""CasADi expressions compiled to SIMD machine code."""

@@ -1,0 +1,232 @@
+"""A program as LLVM instructions on vectors of lanes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import casadi as ca
+from llvmlite import ir
+
+from mofit.simulation.compiler.program import FMA, FMS, FNMA, Node, Program
+
+F64, I64, PTR = ir.DoubleType(), ir.IntType(64), ir.PointerType()
+_ATTRIBUTES = '{ nounwind "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
+
+#: operations that call the C mathematics library lane by lane
+LIBM_NAMES = tuple(
+    "acos acosh asin asinh atan atan2 atanh cos cosh erf exp expm1 fmod hypot log log1p pow remainder sin sinh tan "
+    "tanh".split()
+)
+LIBM = {getattr(ca, f"OP_{name.upper()}"): name for name in LIBM_NAMES} | {ca.OP_CONSTPOW: "pow"}
+_COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "=="}
+_INTRINSIC = {
+    ca.OP_SQRT: "sqrt", ca.OP_FABS: "fabs", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_COPYSIGN: "copysign",
+    ca.OP_FMIN: "minnum", ca.OP_FMAX: "maxnum",
+}  # fmt: skip
+
+
+#: ``(index, carried values) -> carried values``: the body of a loop
+Body = Callable[[ir.Value, list[ir.Value]], list[ir.Value]]
+
+
+class Emitter:
+    """Writes a module with one function ``run``, which returns nothing.
+
+    Parameters
+    ----------
+    arguments
+        Types of its arguments.
+    lanes
+        Number of parameter sets in a vector.
+    fma
+        Whether the host rounds a multiply-add once; if not, it is a product and a sum.
+    """
+
+    def __init__(self, arguments: Sequence[ir.Type], lanes: int, fma: bool) -> None:
+        self.lanes, self.fma = lanes, fma
+        self.module = ir.Module(name="run")
+        self.run = ir.Function(self.module, ir.FunctionType(ir.VoidType(), arguments), "run")
+        self.builder = ir.IRBuilder(self.run.append_basic_block("entry"))
+        self.type = ir.VectorType(F64, lanes)
+        self._truth: dict[ir.Value, ir.Value] = {}  # a truth value as a mask, by its 0/1 form
+
+    def text(self) -> str:
+        """The module, its function ended here; it may use 512-bit registers."""
+        self.builder.ret_void()
+        lines = [f"{line} #0" if line.startswith("define") else line for line in str(self.module).splitlines()]
+        return "\n".join([*lines, f"attributes #0 = {_ATTRIBUTES}", ""])
+
+    def blocks(self, count: int) -> list[ir.Block]:
+        """New blocks of the function."""
+        return [self.run.append_basic_block() for _ in range(count)]
+
+    def loop(self, count: ir.Value, carried: list[ir.Value], body: Body) -> list[ir.Value]:
+        """``for k in range(count): carried = body(k, carried)``."""
+        build = self.builder
+        before, (head, inside, after) = build.block, self.blocks(3)
+        build.branch(head)
+        build.position_at_end(head)
+        k, now = build.phi(I64), [build.phi(value.type) for value in carried]
+        build.cbranch(build.icmp_signed("<", k, count), inside, after)
+        build.position_at_end(inside)
+        following = [build.add(k, self.integer(1)), *body(k, now)]
+        for phi, start, end in zip([k, *now], [self.integer(0), *carried], following, strict=True):
+            phi.add_incoming(start, before)
+            phi.add_incoming(end, build.block)
+        build.branch(head)
+        build.position_at_end(after)
+        return now
+
+    def integer(self, value: int) -> ir.Constant:
+        """A whole number, the same for all lanes."""
+        return ir.Constant(I64, value)
+
+    def times(self, value: ir.Value, factor: int) -> ir.Value:
+        """A whole number times a constant one."""
+        return self.builder.mul(value, self.integer(factor))
+
+    def constant(self, value: float) -> ir.Constant:
+        """The same number in every lane."""
+        return ir.Constant(self.type, [ir.Constant(F64, value)] * self.lanes)
+
+    def splat(self, scalar: ir.Value) -> ir.Value:
+        """A scalar in every lane."""
+        one = self.builder.insert_element(ir.Constant(self.type, ir.Undefined), scalar, self.integer(0))
+        mask = ir.Constant(ir.VectorType(ir.IntType(32), self.lanes), [0] * self.lanes)
+        return self.builder.shuffle_vector(one, ir.Constant(self.type, ir.Undefined), mask)
+
+    def address(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+        """Address of the double number ``index`` after ``base``."""
+        place = index if isinstance(index, ir.Value) else self.integer(index)
+        return self.builder.gep(base, [place], source_etype=F64)
+
+    def load(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+        """A vector whose first double is number ``index`` after ``base``."""
+        return self.builder.load(self.address(base, index), typ=self.type, align=8)
+
+    def load_splat(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+        """One double from memory, in every lane."""
+        return self.splat(self.builder.load(self.address(base, index), typ=F64, align=8))
+
+    def store(self, value: ir.Value, base: ir.Value, index: int | ir.Value) -> None:
+        """Store a vector from double number ``index`` after ``base``."""
+        self.builder.store(value, self.address(base, index), align=8)
+
+    def multiply_add(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+        """``a * b + c``."""
+        if self.fma:
+            return self._intrinsic("fma", a, b, c)
+        return self.builder.fadd(self.builder.fmul(a, b), c)
+
+    def program(self, program: Program, roots: Iterable[int], values: dict[int, ir.Value]) -> None:
+        """Emit what ``roots`` need beyond ``values``, adding it to them."""
+        for index in program.needed(roots, values):
+            node = program.nodes[index]
+            values[index] = self.node(node, [values[i] for i in node.args])
+
+    def node(self, node: Node, args: list[ir.Value]) -> ir.Value:
+        """One operation other than an input."""
+        op, build = node.op, self.builder
+        if op == ca.OP_CONST:
+            assert isinstance(node.value, float)
+            return self.constant(node.value)
+        if op in _COMPARE:
+            return self._number(build.fcmp_ordered(_COMPARE[op], *args))
+        if op in _INTRINSIC:
+            return self._intrinsic(_INTRINSIC[op], *args)
+        if op in LIBM:
+            return self._per_lane(LIBM[op], *args)
+        return _RULES[op](self, *args)
+
+    def _number(self, mask: ir.Value) -> ir.Value:
+        number = self.builder.select(mask, self.constant(1.0), self.constant(0.0))
+        self._truth[number] = mask
+        return number
+
+    def _mask(self, value: ir.Value) -> ir.Value:
+        """True where a number is not zero, nan included, as in C."""
+        if value in self._truth:
+            return self._truth[value]
+        return self.builder.fcmp_unordered("!=", value, self.constant(0.0))
+
+    def _intrinsic(self, name: str, *args: ir.Value) -> ir.Value:
+        return self.builder.call(self._declare(f"llvm.{name}.v{self.lanes}f64", self.type, len(args)), args)
+
+    def _declare(self, name: str, kind: ir.Type, count: int) -> ir.Function:
+        if name in self.module.globals:
+            return self.module.globals[name]
+        return ir.Function(self.module, ir.FunctionType(kind, [kind] * count), name)
+
+    def _per_lane(self, name: str, *args: ir.Value) -> ir.Value:
+        function = self._declare(f"libm_{name}", F64, len(args))
+        result = ir.Constant(self.type, ir.Undefined)
+        for lane in range(self.lanes):
+            place = self.integer(lane)
+            scalar = self.builder.call(function, [self.builder.extract_element(arg, place) for arg in args])
+            result = self.builder.insert_element(result, scalar, place)
+        return result
+
+    def _sign(self, x: ir.Value) -> ir.Value:
+        """-1, 1, or x itself where it is zero or nan."""
+        zero = self.constant(0.0)
+        positive = self.builder.select(self.builder.fcmp_ordered(">", x, zero), self.constant(1.0), x)
+        return self.builder.select(self.builder.fcmp_ordered("<", x, zero), self.constant(-1.0), positive)
+
+    def _erfinv(self, x: ir.Value) -> ir.Value:
+        """Inverse error function: rational start (Giles' split of the range) and two Newton steps, as CasADi does."""
+        build = self.builder
+
+        def polynomial(at: ir.Value, coefficients: tuple[float, ...]) -> ir.Value:
+            value = self.constant(coefficients[-1])
+            for coefficient in coefficients[-2::-1]:
+                value = build.fadd(build.fmul(value, at), self.constant(coefficient))
+            return value
+
+        square = build.fmul(x, x)
+        central = build.fdiv(
+            build.fmul(x, polynomial(square, (0.886226899, -1.645349621, 0.914624893, -0.140543331))),
+            polynomial(square, (1.0, -2.118377725, 1.442710462, -0.329097515, 0.012229801)),
+        )
+        size = self._intrinsic("fabs", x)
+        half = build.fmul(build.fsub(self.constant(1.0), size), self.constant(0.5))
+        tail = self._intrinsic("sqrt", build.fneg(self._per_lane("log", half)))
+        outer = build.fdiv(
+            polynomial(tail, (-1.970840454, -1.62490649, 3.429567803, 1.641345311)),
+            polynomial(tail, (1.0, 3.543889200, 1.637067800)),
+        )
+        inner = build.fcmp_ordered("<=", size, self.constant(0.7))
+        z = build.select(inner, central, self._intrinsic("copysign", outer, x))
+        for _ in range(2):
+            gauss = self._per_lane("exp", build.fneg(build.fmul(z, z)))
+            derivative = build.fmul(self.constant(2.0 / math.sqrt(math.pi)), gauss)
+            z = build.fsub(z, build.fdiv(build.fsub(self._per_lane("erf", z), x), derivative))
+        edge = build.fcmp_ordered(">=", size, self.constant(1.0))
+        beyond = build.fcmp_ordered(">", size, self.constant(1.0))
+        infinite = self._intrinsic("copysign", self.constant(math.inf), x)
+        return build.select(beyond, self.constant(math.nan), build.select(edge, infinite, z))
+
+
+_RULES: dict[int, Callable[..., ir.Value]] = {
+    ca.OP_ADD: lambda e, a, b: e.builder.fadd(a, b),
+    ca.OP_SUB: lambda e, a, b: e.builder.fsub(a, b),
+    ca.OP_MUL: lambda e, a, b: e.builder.fmul(a, b),
+    ca.OP_DIV: lambda e, a, b: e.builder.fdiv(a, b),
+    ca.OP_INV: lambda e, a: e.builder.fdiv(e.constant(1.0), a),
+    ca.OP_NEG: lambda e, a: e.builder.fneg(a),
+    ca.OP_SQ: lambda e, a: e.builder.fmul(a, a),
+    ca.OP_TWICE: lambda e, a: e.builder.fadd(a, a),
+    FMA: lambda e, a, b, c: e.multiply_add(a, b, c),
+    FMS: lambda e, a, b, c: e.multiply_add(a, b, e.builder.fneg(c)),
+    FNMA: lambda e, a, b, c: e.multiply_add(e.builder.fneg(a), b, c),
+    ca.OP_NE: lambda e, a, b: e._number(e.builder.fcmp_unordered("!=", a, b)),
+    ca.OP_NOT: lambda e, a: e._number(e.builder.fcmp_ordered("==", a, e.constant(0.0))),
+    ca.OP_AND: lambda e, a, b: e._number(e.builder.and_(e._mask(a), e._mask(b))),
+    ca.OP_OR: lambda e, a, b: e._number(e.builder.or_(e._mask(a), e._mask(b))),
+    ca.OP_IF_ELSE_ZERO: lambda e, a, b: e.builder.select(e._mask(a), b, e.constant(0.0)),
+    ca.OP_SIGN: lambda e, a: e._sign(a),
+    ca.OP_ERFINV: lambda e, a: e._erfinv(a),
+}
+
+#: every operation of a program
+OPERATIONS = frozenset([*_RULES, *_COMPARE, *_INTRINSIC, *LIBM, ca.OP_CONST, ca.OP_INPUT])

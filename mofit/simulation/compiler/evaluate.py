@@ -1,0 +1,80 @@
+"""Evaluate a program at many points at once: every lane is a point."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from llvmlite import ir
+
+from mofit._typing import FloatArray
+from mofit.simulation.compiler.emit import I64, LIBM_NAMES, PTR, Emitter
+from mofit.simulation.compiler.machine import Code, compile_entry, host
+from mofit.simulation.compiler.program import Program
+
+_SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+
+
+def evaluate(program: Program, points: Sequence[FloatArray], lanes: int = 8) -> FloatArray:
+    """Outputs of a program at n points.
+
+    Parameters
+    ----------
+    program
+        Any number of inputs and outputs.
+    points
+        Per input an array (elements, n).
+    lanes
+        Points worked on together.
+
+    Returns
+    -------
+    FloatArray
+        All outputs under one another, shape (elements, n).
+    """
+    stacked = np.concatenate([np.asarray(block, dtype=float) for block in points])
+    count = stacked.shape[1]
+    sizes = tuple(len(block) for block in points)
+    blocks = -(-count // lanes)
+    # the lanes beyond the last point repeat it: no new values, no stray exceptions
+    padded = np.empty((len(stacked), blocks * lanes))
+    padded[:, :count] = stacked
+    padded[:, count:] = stacked[:, -1:]
+    result = np.empty((sum(map(len, program.outputs)), blocks * lanes))
+    code = _compile(program, sizes, lanes)
+    code.entry(padded.ctypes.data, result.ctypes.data, blocks, blocks * lanes)
+    return result[:, :count]
+
+
+@lru_cache(maxsize=256)
+def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
+    what = ("evaluate", ca.CasadiMeta.version(), program, sizes, lanes)
+    return compile_entry(what, lambda: _text(program, sizes, lanes), LIBM_NAMES, _SIGNATURE)
+
+
+def _text(program: Program, sizes: tuple[int, ...], lanes: int) -> str:
+    offsets = np.cumsum([0, *sizes])
+    emit = Emitter([PTR, PTR, I64, I64], lanes, host().fma)
+    source, target, blocks, stride = emit.run.args
+    roots = [index for group in program.outputs for index in group]
+
+    def body(block: ir.Value, _: list[ir.Value]) -> list[ir.Value]:
+        column, values = emit.times(block, lanes), dict[int, ir.Value]()
+
+        def place(row: int) -> ir.Value:
+            return emit.builder.add(emit.times(stride, row), column)
+
+        for index in program.needed(roots):
+            element = program.nodes[index].value
+            if isinstance(element, tuple):
+                values[index] = emit.load(source, place(int(offsets[element[0]]) + element[1]))
+        emit.program(program, roots, values)
+        for row, index in enumerate(roots):
+            emit.store(values[index], target, place(row))
+        return []
+
+    emit.loop(blocks, [], body)
+    return emit.text()

@@ -1,0 +1,218 @@
+"""The time loop of a kernel as machine code: a block of parameter sets through one test per job."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from casadi import OP_CONST, CasadiMeta
+from llvmlite import ir
+
+from mofit.simulation.compiler.emit import F64, I64, LIBM_NAMES, PTR, Emitter
+from mofit.simulation.compiler.machine import Code, compile_entry, host
+from mofit.simulation.compiler.program import LANE, Split
+
+#: what a job gives to the loop, eight bytes each, in this order
+JOB_FIELDS = (
+    "samples",  # number of samples
+    "parameters",  # the free ones, then all others, (np, L)
+    "constant",  # table row of values that are constant in time
+    "rows",  # table of values at every sample
+    "data",  # per sample: flag (0: no output has a weight), measured, weights
+    "counts",  # integrator steps per sample (refined loops only)
+    "substep_rows",  # table of values at every further step (refined loops only)
+    "result",  # where the result goes
+)
+_FIELD = {name: index for index, name in enumerate(JOB_FIELDS)}
+#: places of the state and of the parameters that are not free among `integrators.GRAPH_INPUTS`
+STATE, FIXED = 1, 5
+
+Values = dict[int, ir.Value]
+Step = Callable[[ir.Value, list[ir.Value], ir.Value], tuple[list[ir.Value], ir.Value]]
+_SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Sizes of a loop."""
+
+    states: int
+    outputs: int
+    free: int
+    derivatives: bool
+
+    @property
+    def columns(self) -> int:
+        """A value and its derivatives."""
+        return 1 + self.free * self.derivatives
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Rows and columns of the upper triangle of the Gauss-Newton Hessian."""
+        return [(i, j) for i in range(self.free) for j in range(i, self.free)]
+
+    @property
+    def sums(self) -> int:
+        """Numbers that a reducing loop gives: cost, gradient, upper triangle."""
+        return 1 + (self.free + len(self.pairs)) * self.derivatives
+
+
+@lru_cache(maxsize=256)
+def compile_loop(sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int) -> Code:
+    """Compile ``run(jobs, number of jobs, counter)``.
+
+    Threads that share a counter share the jobs. Job after job, sample after sample: outputs, then one step by
+    ``sample``, then further steps by ``substep`` if the loop is refined. With ``reduce`` the loop sums weighted
+    squares, else it stores the outputs of every sample.
+    """
+    what = ("loop", CasadiMeta.version(), sample, substep, shape, reduce, lanes)
+    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), LIBM_NAMES, _SIGNATURE)
+
+
+class _Loop:
+    def __init__(self, sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int) -> None:
+        self.sample, self.substep, self.shape, self.reduce, self.lanes = sample, substep, shape, reduce, lanes
+        self.emit = Emitter([PTR, I64, PTR], lanes, host().fma)
+        self.build = self.emit.builder
+
+    def text(self) -> str:
+        """The module."""
+        build, (jobs, count, counter) = self.build, self.emit.run.args
+        fetch, work, done = self.emit.blocks(3)
+        build.branch(fetch)
+        build.position_at_end(fetch)
+        index = build.atomic_rmw("add", counter, self.emit.integer(1), "monotonic")
+        build.cbranch(build.icmp_signed("<", index, count), work, done)
+        build.position_at_end(work)
+        self._job(build.gep(jobs, [self.emit.times(index, len(JOB_FIELDS))], source_etype=I64))
+        build.branch(fetch)
+        build.position_at_end(done)
+        return self.emit.text()
+
+    def _field(self, job: ir.Value, name: str, kind: ir.Type = PTR) -> ir.Value:
+        place = self.build.gep(job, [self.emit.integer(_FIELD[name])], source_etype=I64)
+        return self.build.load(place, typ=kind, align=8)
+
+    def _job(self, job: ir.Value) -> None:
+        samples = self._field(job, "samples", I64)
+        parameters, constant, rows, data, result = (
+            self._field(job, name) for name in ("parameters", "constant", "rows", "data", "result")
+        )
+        invariant = self._invariant(self.sample, parameters, constant, 0)
+        initial = [invariant[index] for index in self.sample.program.outputs[0]]
+        sums = [self.emit.constant(0.0)] * (self.shape.sums * self.reduce)
+        step = self._refinement(job, parameters, constant) if self.substep else None
+
+        def body(k: ir.Value, carried: list[ir.Value]) -> list[ir.Value]:
+            state, rest = carried[: len(initial)], carried[len(initial) :]
+            values = self._at(self.sample, invariant, state, rows, k)
+            ends = self._outputs(self.sample, 1, values)
+            if self.reduce:
+                rest[: len(sums)] = self._accumulated(values, rest[: len(sums)], data, k)
+            else:
+                self._stored(values, result, k)
+            if step:
+                ends, rest[len(sums)] = step(k, ends, rest[len(sums)])
+            return ends + rest
+
+        row = [self.emit.integer(0)] * bool(step)
+        final = self.emit.loop(samples, initial + sums + row, body)
+        for number, value in enumerate(final[len(initial) : len(initial) + len(sums)]):
+            self.emit.store(value, result, number * self.lanes)
+
+    def _refinement(self, job: ir.Value, parameters: ir.Value, constant: ir.Value) -> Step:
+        """Takes the state through the further steps of a sample, and on to the next rows of their table."""
+        split = self.substep
+        assert split is not None
+        invariant = self._invariant(split, parameters, constant, len(self.sample.constant))
+        counts, rows = self._field(job, "counts"), self._field(job, "substep_rows")
+
+        def step(k: ir.Value, state: list[ir.Value], row: ir.Value) -> tuple[list[ir.Value], ir.Value]:
+            count = self.build.load(self.build.gep(counts, [k], source_etype=I64), typ=I64, align=8)
+
+            def body(s: ir.Value, now: list[ir.Value]) -> list[ir.Value]:
+                return self._outputs(split, 1, self._at(split, invariant, now, rows, self.build.add(row, s)))
+
+            return self.emit.loop(count, state, body), self.build.add(row, count)
+
+        return step
+
+    def _invariant(self, split: Split, parameters: ir.Value, constant: ir.Value, offset: int) -> Values:
+        """Loop-invariant values: those of the table and what every lane computes from them once."""
+        emit, nodes = self.emit, split.program.nodes
+        values = {index: emit.load_splat(constant, offset + i) for i, index in enumerate(split.constant)}
+        constants = {i for i in split.live if not nodes[i].args and nodes[i].op == OP_CONST}
+        invariant = [i for i in split.live if split.levels[i] == LANE or i in constants]
+        for index in invariant:
+            source = nodes[index].value
+            if isinstance(source, tuple):
+                row = source[1] + (self.shape.free if source[0] == FIXED else 0)
+                values[index] = emit.load(parameters, row * self.lanes)
+        emit.program(split.program, invariant, values)
+        return values
+
+    def _at(self, split: Split, invariant: Values, state: list[ir.Value], rows: ir.Value, row: ir.Value) -> Values:
+        """Values at the start of a step: the invariant ones, the state and the row of the table, read when used."""
+        values = dict(invariant)
+        for index in split.live:
+            source = split.program.nodes[index].value
+            if isinstance(source, tuple) and source[0] == STATE:
+                values[index] = state[source[1]]
+        base = self.emit.times(row, len(split.varying))
+        for place, index in enumerate(split.varying):
+            values[index] = self.emit.load_splat(rows, self.build.add(base, self.emit.integer(place)))
+        return values
+
+    def _outputs(self, split: Split, output: int, values: Values) -> list[ir.Value]:
+        wanted = split.program.outputs[output]
+        self.emit.program(split.program, wanted, values)
+        return [values[index] for index in wanted]
+
+    def _stored(self, values: Values, result: ir.Value, k: ir.Value) -> None:
+        """Store the outputs of sample ``k``: (ny, 1 + nf, L)."""
+        outputs = self._outputs(self.sample, 2, values)
+        base = self.emit.times(k, len(outputs) * self.lanes)
+        for number, value in enumerate(outputs):
+            self.emit.store(value, result, self.build.add(base, self.emit.integer(number * self.lanes)))
+
+    def _accumulated(self, values: Values, sums: list[ir.Value], data: ir.Value, k: ir.Value) -> list[ir.Value]:
+        """The sums with sample ``k`` added, unless no output of it has a weight."""
+        build, ny = self.build, self.shape.outputs
+        base = self.emit.times(k, 1 + 2 * ny)
+        flag = build.load(self.emit.address(data, base), typ=F64, align=8)
+        before, (inside, after) = build.block, self.emit.blocks(2)
+        build.cbranch(build.fcmp_ordered("!=", flag, ir.Constant(F64, 0.0)), inside, after)
+        build.position_at_end(inside)
+        # on a copy: what is emitted in this branch must not be used outside it
+        outputs = self._outputs(self.sample, 2, dict(values))
+        added = list(sums)
+        for y in range(ny):
+            numbers = [
+                self.emit.load_splat(data, build.add(base, self.emit.integer(1 + y + part * ny))) for part in (0, 1)
+            ]
+            added = self._weighted_squares(added, outputs[y::ny], *numbers)
+        inside = build.block
+        build.branch(after)
+        build.position_at_end(after)
+        merged = []
+        for old, new in zip(sums, added, strict=True):
+            phi = build.phi(self.emit.type)
+            phi.add_incoming(old, before)
+            phi.add_incoming(new, inside)
+            merged.append(phi)
+        return merged
+
+    def _weighted_squares(
+        self, sums: list[ir.Value], values: list[ir.Value], measured: ir.Value, weight: ir.Value
+    ) -> list[ir.Value]:
+        """The sums with w r^2, w r dy_i and w dy_i dy_j of one output added."""
+        build, add = self.build, self.emit.multiply_add
+        residual, slopes = build.fsub(values[0], measured), values[1:]
+        weighted = build.fmul(weight, residual)
+        terms = [(weighted, residual), *((weighted, slope) for slope in slopes)]
+        scaled = [build.fmul(weight, slope) for slope in slopes]
+        if slopes:
+            terms += [(scaled[i], slopes[j]) for i, j in self.shape.pairs]
+        return [add(a, b, total) for (a, b), total in zip(terms, sums, strict=True)]

@@ -1,0 +1,170 @@
+"""The host as a target of LLVM: code in, callable addresses out, and compiled code kept on disk.
+
+A file is named by the hash of everything that decides its content (graph, this package, processor, LLVM) and begins
+with the hash of the code in it: a damaged file is ignored and written anew. Files are replaced atomically. Without a
+folder that can be written to, nothing is kept.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import itertools
+import os
+import tempfile
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+import llvmlite
+import llvmlite.binding as llvm
+
+#: Names the folder instead of the user's cache folder; empty: nothing is kept.
+CACHE_VARIABLE = "MOFIT_KERNEL_CACHE"
+#: Beyond this number the oldest files go; one model takes about ten of 10 kB each, a diagnosis some hundreds.
+MOST_FILES = 5000
+_DIGEST = sha256().digest_size
+_serial = itertools.count()
+_lock = threading.RLock()
+
+
+@dataclass(frozen=True)
+class Host:
+    """What LLVM needs to know about this machine.
+
+    ``width`` is the number of doubles in a register, ``name`` identifies processor and features.
+    """
+
+    machine: llvm.TargetMachine
+    jit: llvm.LLJIT
+    width: int
+    fma: bool
+    name: str
+
+
+@cache
+def host() -> Host:
+    """The local machine, with its widest vector registers in use."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    triple, cpu, features = llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features()
+    features["prefer-256-bit"] = False
+    x86 = triple.startswith(("x86", "i686"))
+    if not x86:
+        del features["prefer-256-bit"]
+    width = 8 if features.get("avx512f") else 4 if features.get("avx") else 2
+    target = llvm.Target.from_triple(triple)
+
+    def machine() -> llvm.TargetMachine:
+        return target.create_target_machine(
+            cpu=cpu, features=features.flatten(), opt=2, reloc="pic", codemodel="small", jit=True
+        )
+
+    jit = llvm.create_lljit_compiler(machine(), use_jit_link=False)
+    name = f"{triple} {cpu} {features.flatten()}"
+    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True, name)
+
+
+@cache
+def libm_address(name: str) -> int:
+    """Address of a function of the C mathematics library."""
+    library = ctypes.CDLL(ctypes.util.find_library("m") or None)
+    return int(ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0)
+
+
+@dataclass(frozen=True)
+class Code:
+    """Machine code in memory; it lives as long as this object."""
+
+    tracker: llvm.ResourceTracker
+    entry: ctypes._CFuncPtr  # type: ignore[name-defined]
+
+
+def compile_entry(what: object, text: Callable[[], str], libm: Iterable[str], signature: type) -> Code:
+    """Compile LLVM IR whose entry function is ``run``, or load its code from the cache.
+
+    Parameters
+    ----------
+    what
+        All that decides the text, apart from this package itself and the processor; known by its ``repr``.
+    text
+        Writes the module, if it is needed.
+    libm
+        Functions of the C mathematics library that it may call, declared as ``libm_<name>``.
+    signature
+        The ctypes type of ``run``.
+    """
+    with _lock:
+        target = host()
+        library = llvm.JITLibraryBuilder().add_object_img(_object(what, text, target)).export_symbol("run")
+        for name in libm:
+            library.import_symbol(f"libm_{name}", libm_address(name))
+        tracker = library.link(target.jit, f"mofit_{next(_serial)}")
+        return Code(tracker, signature(tracker["run"]))
+
+
+@cache
+def _package() -> str:
+    """Hash of the code that writes modules."""
+    return sha256(b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob("*.py")))).hexdigest()
+
+
+def _object(what: object, text: Callable[[], str], target: Host) -> bytes:
+    """Machine code of a module, from the cache where it is kept."""
+    versions = (_package(), target.name, llvm.llvm_version_info, llvmlite.__version__)
+    key = sha256(repr((what, *versions)).encode()).hexdigest()
+    code = load_code(key)
+    if code is None:
+        module = llvm.parse_assembly(text())
+        options = llvm.create_pipeline_tuning_options(speed_level=2)
+        options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
+        builder = llvm.create_pass_builder(target.machine, options)
+        builder.getModulePassManager().run(module, builder)
+        code = target.machine.emit_object(module)
+        keep_code(key, code)
+    return code
+
+
+def cache_folder() -> Path | None:
+    """Where code is kept: ``$MOFIT_KERNEL_CACHE``, else ``mofit/kernel`` in the user's cache folder."""
+    named = os.environ.get(CACHE_VARIABLE)
+    if named is not None:
+        return Path(named) if named else None
+    with suppress(RuntimeError):
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mofit" / "kernel"
+    return None
+
+
+def load_code(key: str) -> bytes | None:
+    """Code kept under a key; None if there is none or it is damaged."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    try:
+        content = (folder / key).read_bytes()
+    except OSError:
+        return None
+    code = content[_DIGEST:]
+    return code if sha256(code).digest() == content[:_DIGEST] else None
+
+
+def keep_code(key: str, code: bytes, most_files: int = MOST_FILES) -> None:
+    """Keep code under a key, if the disk allows; of more files than ``most_files`` the oldest go."""
+    folder = cache_folder()
+    if folder is None:
+        return
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=folder, prefix=".")
+        with os.fdopen(handle, "wb") as file:
+            file.write(sha256(code).digest() + code)
+        os.replace(temporary, folder / key)
+        files = [path for path in folder.iterdir() if not path.name.startswith(".")]
+        if len(files) > most_files:
+            files.sort(key=lambda path: path.stat().st_mtime)
+            for path in files[: len(files) - most_files]:
+                path.unlink(missing_ok=True)

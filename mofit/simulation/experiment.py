@@ -1,0 +1,244 @@
+"""A test in the form that a simulator takes: the model's channels as arrays, and a weight per sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign, Experiment, Measurement
+from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
+from mofit.errors import InputError, Issue, raise_errors
+from mofit.models import Model, System
+from mofit.models.declarations import SAMPLE_INTERVAL, TIME
+
+#: conditions that follow from a test's time axis, see `all_conditions`
+TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")
+#: share of a period that a record may lack and still count as whole periods
+_SHORT = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class ExperimentData:
+    """Inputs, conditions and measured outputs of a test on a uniform time grid.
+
+    Parameters
+    ----------
+    name
+        Of the test.
+    step
+        Sampling interval, s.
+    inputs
+        Shape (n, nu).
+    interpolation
+        Of the inputs between samples. ``"cubic"``: not-a-knot cubic spline, so that sampling does not limit the
+        accuracy of smooth inputs; ``"linear"``: straight lines, for steps.
+    conditions
+        Shape (nc,).
+    measured
+        Shape (n, ny); no nan (zero where the weight is zero).
+    weights
+        Shape (n, ny); zero drops a sample.
+    origin
+        The test that `changed` made this one from. Both are integrated on the same time grid.
+    """
+
+    name: str
+    step: float
+    inputs: FloatArray
+    interpolation: str
+    conditions: FloatArray
+    measured: FloatArray
+    weights: FloatArray
+    origin: ExperimentData | None = None
+
+    def changed(self, **data: FloatArray) -> ExperimentData:
+        """With other measured outputs or weights, or with fewer samples."""
+        return replace(self, origin=self.origin or self, **data)  # type: ignore[arg-type]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.inputs)
+
+    @cached_property
+    def data(self) -> FloatArray:
+        """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (n, 1 + 2 ny)."""
+        flag = np.any(self.weights != 0, axis=1, keepdims=True)
+        return np.ascontiguousarray(np.hstack([flag, self.measured, self.weights]).astype(float))
+
+    @cached_property
+    def address(self) -> int:
+        """Of `data` in memory."""
+        return self.data.ctypes.data
+
+    @cached_property
+    def curve(self) -> PPoly:
+        """The inputs over time."""
+        time = np.arange(self.samples) * self.step
+        inputs = np.asarray(self.inputs, dtype=float)
+        if self.samples == 1:
+            return PPoly(inputs[None], np.array([0.0, self.step]))
+        if self.interpolation == "linear":
+            return PPoly(np.stack([np.diff(inputs, axis=0) / self.step, inputs[:-1]]), time)
+        return CubicSpline(time, inputs, axis=0)
+
+    def at(self, time: FloatArray) -> FloatArray:
+        """Inputs at times, shape (nu, len(time)); constant after the last sample."""
+        return np.asarray(self.curve(np.minimum(time, (self.samples - 1) * self.step)).T)
+
+    def derivative(self, time: FloatArray) -> FloatArray:
+        """Time derivative of the inputs (from the right at samples), shape (nu, len(time))."""
+        return np.asarray(self.curve.derivative()(np.minimum(time, (self.samples - 1) * self.step)).T)
+
+    def issues(self, system: System) -> list[Issue]:
+        """Every mismatch with the system."""
+        n, ny = self.samples, len(system.outputs)
+        where = f"test '{self.name}'"
+        found = [
+            Issue(where, f"{what} have shape {np.shape(value)}, not {shape}", "Give one column per channel")
+            for what, value, shape in (
+                ("inputs", self.inputs, (n, len(system.inputs))),
+                ("measured outputs", self.measured, (n, ny)),
+                ("weights", self.weights, (n, ny)),
+                ("conditions", self.conditions, (len(system.conditions),)),
+            )
+            if np.shape(value) != shape
+        ]
+        if n == 0 or not self.step > 0:
+            found.append(Issue(where, f"{n} samples every {self.step} s", "Give samples on a uniform time grid"))
+        if self.interpolation not in ("cubic", "linear"):
+            found.append(Issue(where, f"interpolation is '{self.interpolation}'", "Use 'cubic' or 'linear'"))
+        for what, value in (("inputs", self.inputs), ("measured outputs", self.measured), ("weights", self.weights)):
+            if not np.all(np.isfinite(value)):
+                found.append(Issue(where, f"{what} hold nan or infinite values", "Set weight and value to 0 there"))
+        return found
+
+
+def first_input(model: Model) -> str:
+    """Name of the channel that excites the model; it gives a test's period."""
+    return model.inputs[0].derivative_of or model.inputs[0].name
+
+
+def require(model: Model, campaign: Campaign) -> None:
+    """Raise an `InputError` that names every channel and condition of the model that the campaign lacks."""
+    if not campaign.measurements:
+        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
+    raise_errors(lacking(model, campaign))
+
+
+def lacking(model: Model, campaign: Campaign) -> list[Issue]:
+    """Every channel and condition of the model that a test of the campaign lacks."""
+    issues = []
+    sources = [channel.derivative_of or channel.name for channel in (*model.inputs, *model.outputs)]
+    for measurement in campaign.measurements:
+        where, needs = f"test '{measurement.name}'", f"model '{model.name}' needs"
+        have = {**measurement.experiment.inputs, **measurement.outputs}
+        conditions = all_conditions(measurement.experiment)
+        issues += [
+            Issue(
+                where,
+                f"{needs} channel '{source}'; the test has {', '.join(sorted(have))}",
+                "Choose another model, or name the channel so in the file or the import map",
+            )
+            for source in sources
+            if source not in have and source != TIME.name
+        ]
+        issues += [
+            Issue(
+                where,
+                f"{needs} condition '{condition.name}' in {condition.unit}",
+                "Add it to the campaign's root or to the test's group",
+            )
+            for condition in model.conditions
+            if condition.default is None and condition.name not in conditions
+        ]
+    return issues
+
+
+def all_conditions(experiment: Experiment) -> dict[str, float]:
+    """Conditions of a test, with its sampling interval and its start since the campaign began, both in s."""
+    start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
+    return {SAMPLE_INTERVAL.name: experiment.step, **start, **experiment.conditions}
+
+
+def experiment_data(model: Model, measurement: Measurement, record: SignalAnalysis, settled: bool) -> ExperimentData:
+    """A measured test: inputs with their smooth derivatives, and a weight per sample.
+
+    The weight is 1 / range² of the output where a sample is used in the fit, so that costs are squares of NRMSD; 0
+    elsewhere.
+
+    Parameters
+    ----------
+    model
+        Gives channels and conditions in their order.
+    measurement
+        The test, with all that the model needs (`require`).
+    record
+        Its period and transient.
+    settled
+        Use only the steady state after the transient.
+
+    Raises
+    ------
+    InputError
+        If an output is constant.
+    """
+    experiment = measurement.experiment
+    columns: dict[str, FloatArray] = {**experiment.inputs, **measurement.outputs}
+    derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
+    for name in derived:
+        # the smoothed signal goes with its derivative, so that both describe one motion
+        smooth, slope = smooth_derivative(experiment.time, measurement.channel(name))
+        columns[name] = smooth
+        columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
+    measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
+    used = steady_samples(experiment.time, _dropped(experiment, record, settled), record.tail)
+    span = np.ptp(measured, axis=0)
+    if not np.all(span > 0):
+        raise InputError.of(
+            f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
+        )
+    return in_model_order(
+        model, experiment, columns, np.where(used[:, None], measured, 0.0), np.where(used[:, None], 1 / span**2, 0.0)
+    )
+
+
+def in_model_order(
+    model: Model,
+    experiment: Experiment,
+    columns: Mapping[str, FloatArray],
+    measured: FloatArray,
+    weights: FloatArray,
+) -> ExperimentData:
+    """A test from its input ``columns`` by name, and from measured outputs and weights, each (n, ny)."""
+    columns = {**columns, TIME.name: experiment.time - experiment.time[0]}
+    given = all_conditions(experiment)
+    return ExperimentData(
+        name=experiment.name,
+        step=experiment.step,
+        inputs=np.stack([columns[channel.name] for channel in model.inputs], axis=1),
+        interpolation=experiment.interpolation,
+        conditions=np.array([given.get(c.name, c.default) for c in model.conditions], dtype=float),
+        measured=measured,
+        weights=weights,
+    )
+
+
+def _dropped(experiment: Experiment, record: SignalAnalysis, settled: bool) -> float:
+    """Time at the start of a test that the fit leaves out, s."""
+    if settled:
+        # without a known transient: the second half is used
+        return record.transient or 0.5 * float(np.ptp(experiment.time))
+    if record.period is None or record.periods <= 1:
+        return experiment.transient or 0.0
+    # the model starts from its own initial state and needs a period to reach its steady state
+    dropped = max(record.transient, record.period)
+    left = (len(experiment.time) * experiment.step - record.tail - dropped) / record.period
+    short = int(left + 0.5 * experiment.step / record.period) + 1 - left
+    # a little less than a period where the record would otherwise lose a whole one at its end
+    return max(record.transient, dropped - short * record.period) if short < _SHORT else dropped

@@ -1,0 +1,111 @@
+"""A kernel: what one kind of result needs, that is the graph, its tables and its compiled loops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.models import System
+from mofit.simulation.compiler.evaluate import evaluate
+from mofit.simulation.compiler.loop import FIXED, Shape, compile_loop
+from mofit.simulation.compiler.machine import Code
+from mofit.simulation.compiler.program import LANE, Split, contract, trace
+from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
+from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
+
+
+class Table:
+    """What the lanes of a job read: constant, rows, counts and substep rows, see `loop.JOB_FIELDS`."""
+
+    def __init__(self, *arrays: NDArray[np.generic]) -> None:
+        self._arrays = arrays  # they live as long as their addresses
+        self.addresses = tuple(array.ctypes.data for array in arrays)
+        self.nbytes = sum(array.nbytes for array in arrays)
+        #: whether some sampling interval takes more than one step
+        self.refined = arrays[-1].size > 0
+
+
+class Kernel:
+    """Outputs or weighted sums, with or without derivatives, by one scheme.
+
+    Parameters
+    ----------
+    system, free, scheme
+        What is integrated, differentiated by which parameters, and how.
+    derivatives
+        Whether sensitivities are propagated.
+    reduce
+        Whether samples are summed up (cost, Gauss-Newton) or stored.
+    fixed_per_lane
+        Whether the parameters that are not free differ between lanes, too. The numbers are the same, but fewer of them
+        come from tables.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        free: Sequence[str],
+        scheme: Scheme,
+        derivatives: bool,
+        reduce: bool,
+        fixed_per_lane: bool = False,
+    ) -> None:
+        self.system, self.scheme, self.reduce, self.fixed_per_lane = system, scheme, reduce, fixed_per_lane
+        self.shape = Shape(len(system.states), len(system.outputs), len(free), derivatives)
+        levels = tuple(GRAPH_INPUTS.values())
+        program = contract(trace(build_graph(system, scheme, free, derivatives)), levels)
+        if fixed_per_lane:
+            levels = tuple(LANE if index == FIXED else level for index, level in enumerate(levels))
+        self.sample = Split(program, levels, (0, 1, 2))
+        self.substep = Split(program, levels, (1,))
+        self._codes: dict[tuple[bool, int], Code] = {}
+
+    def code(self, refined: bool, lanes: int) -> Code:
+        """The compiled loop, with or without further steps within a sampling interval."""
+        # a refined loop takes any time grid
+        key = (refined or (True, lanes) in self._codes, lanes)
+        if key not in self._codes:
+            substep = self.substep if refined else None
+            self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes)
+        return self._codes[key]
+
+    def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
+        """The table of a test for the parameters that all lanes share."""
+        grid = build_time_grid(experiment, level, find_switches(self.system, experiment.origin or experiment))
+        first = np.concatenate([[0], np.cumsum(grid.counts)[:-1]])
+        further = np.delete(np.arange(len(grid.start)), first)
+        constant, rows = self._evaluated(self.sample, experiment, grid.start[first], grid.end[first], fixed)
+        if not len(further):
+            return Table(constant, rows, grid.counts - 1, np.empty((0, 0)))
+        more, substep_rows = self._evaluated(self.substep, experiment, grid.start[further], grid.end[further], fixed)
+        return Table(np.concatenate([constant, more]), rows, grid.counts - 1, substep_rows)
+
+    def _evaluated(
+        self, split: Split, experiment: ExperimentData, start: FloatArray, end: FloatArray, fixed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Constant values and rows of the table, for steps from ``start`` to ``end``."""
+        count, length = len(start), end - start
+
+        def everywhere(values: FloatArray) -> FloatArray:
+            return np.broadcast_to(np.asarray(values, dtype=float)[:, None], (len(values), count))
+
+        points = {
+            # values of a lane: never read
+            "free": np.empty((0, count)),
+            "state": np.empty((0, count)),
+            "input": np.concatenate(
+                [experiment.at(end if node == 1 else start + node * length) for node in self.scheme.nodes]
+            ),
+            "input_rate": experiment.derivative(start),
+            "first": everywhere(experiment.at(np.zeros(1))[:, 0]),
+            "fixed": everywhere(fixed),
+            "condition": everywhere(experiment.conditions),
+            "h": length[None],
+        }
+        values = evaluate(split.table, [points[name] for name in GRAPH_INPUTS])
+        cut = len(split.constant)
+        return values[:cut, 0].copy(), np.ascontiguousarray(values[cut:].T)

@@ -1,0 +1,226 @@
+"""Parameter sets cut into blocks of lanes, and blocks handed to threads."""
+
+from __future__ import annotations
+
+import copy
+import ctypes
+import math
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.models import System
+from mofit.simulation.compiler.loop import JOB_FIELDS, Shape
+from mofit.simulation.compiler.machine import host
+from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.integrators import free_first
+from mofit.simulation.kernel import Kernel, Table
+from mofit.simulation.time_grid import StepChoice, StepLevel
+
+#: up to so many vectors carried from sample to sample, four registers for each still pay
+_FEW_CARRIED = 20
+#: more sets of values of the parameters that are not free than this, and they go into lanes
+_MANY_SETS = 4
+#: bytes of tables that are kept
+_TABLE_BYTES = 1e9
+
+#: scheme, derivatives, reduce, fixed parameters per lane
+KernelKey = tuple[str, bool, bool, bool]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Parameter sets that go through a test together, padded to full lanes by repeating the last."""
+
+    rows: NDArray[np.intp]
+    level: StepLevel
+    lanes: int
+    parameters: FloatArray  # (np, L): free, then fixed
+    fixed_per_lane: bool
+
+    @cached_property
+    def address(self) -> int:
+        """Of the parameters in memory."""
+        return self.parameters.ctypes.data
+
+
+def _lane_counts(shape: Shape) -> tuple[int, int]:
+    """Lanes of a small and of a large block: enough to hide latency, as few as registers suffice for.
+
+    A step is a chain of dependent operations. Without derivatives two registers side by side take no longer
+    than one, and four little longer; with many sums to carry along, four spill more than they hide.
+    """
+    width = host().width
+    if not shape.derivatives:
+        return 2 * width, 4 * width
+    carried = shape.states * shape.columns + shape.sums
+    return width, 4 * width if carried <= _FEW_CARRIED else 2 * width
+
+
+@cache
+def _threads(process: int, jobs: int) -> ThreadPoolExecutor:
+    """So many threads of this process: a forked one has none of its parent's."""
+    return ThreadPoolExecutor(jobs)
+
+
+class Scheduler:
+    """Runs parameter sets through tests at given step levels.
+
+    Parameters
+    ----------
+    system, free
+        As for `Simulator`.
+    jobs
+        Number of threads.
+    one_loop
+        Whether to compile one loop for all cases rather than the fastest for each.
+    """
+
+    def __init__(self, system: System, free: Sequence[str], jobs: int, one_loop: bool = False) -> None:
+        self.system, self.free, self.jobs = system, tuple(free), jobs
+        self._order = free_first(system.parameters, free)
+        self._one_loop = one_loop
+        self._kernels: dict[KernelKey, Kernel] = {}
+        self._tables: OrderedDict[tuple[KernelKey, ExperimentData, int, bytes], Table] = OrderedDict()
+
+    def without_tables(self) -> Scheduler:
+        """The same, compiled code shared, with no tables yet."""
+        other = copy.copy(self)
+        other._tables = OrderedDict()
+        return other
+
+    def reduced(
+        self, experiments: Sequence[ExperimentData], p: FloatArray, choices: Sequence[StepChoice], derivatives: bool
+    ) -> FloatArray:
+        """Sums (see `loop.Shape.sums`) per parameter set and test, shape (N, T, sums); nan where no level is taken."""
+        result = np.full((len(p), len(experiments), self._shape(derivatives).sums), np.nan)
+        for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=True):
+            result[rows, test] = values[:, : len(rows)].T
+        return result
+
+    def stored(
+        self,
+        experiments: Sequence[ExperimentData],
+        p: FloatArray,
+        choices: Sequence[StepChoice],
+        derivatives: bool,
+        kept: slice = slice(None),
+    ) -> list[FloatArray]:
+        """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
+        columns = self._shape(derivatives).columns
+        count = len(range(len(self.system.outputs))[kept])
+        result = [np.full((len(p), experiment.samples, count, columns), np.nan) for experiment in experiments]
+        for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
+            result[test][rows] = values[:, :, kept, : len(rows)].transpose(3, 0, 2, 1)
+        return result
+
+    def _shape(self, derivatives: bool) -> Shape:
+        return Shape(len(self.system.states), len(self.system.outputs), len(self.free), derivatives)
+
+    def _blocks(self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool) -> list[tuple[int, _Block]]:
+        """The batch in blocks that share a test (its index), the fixed parameters and the step level."""
+        ordered = np.ascontiguousarray(p[:, self._order])
+        fixed = ordered[:, len(self.free) :]
+        group, per_lane = np.zeros(len(p), dtype=int), False
+        if fixed.size and np.any(fixed != fixed[0]):
+            sets, group = np.unique(fixed, axis=0, return_inverse=True)
+            per_lane = len(sets) > _MANY_SETS
+            group = np.zeros_like(group) if per_lane else group.ravel()
+        small, large = _lane_counts(self._shape(derivatives))
+        small = large if self._one_loop else small
+
+        def cut(rows: NDArray[np.intp], level: StepLevel) -> Iterator[_Block]:
+            while len(rows):
+                lanes = large if len(rows) > large // 2 else small
+                taken, rows = rows[:lanes], rows[lanes:]
+                padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
+                yield _Block(taken, level, lanes, np.ascontiguousarray(ordered[padded].T), per_lane)
+
+        blocks: dict[int, list[_Block]] = {}  # the same choice for several tests is the same blocks
+        for choice in choices:
+            if id(choice) not in blocks:
+                blocks[id(choice)] = [
+                    block
+                    for number in np.unique(choice.taken[choice.taken >= 0])
+                    for which in np.unique(group[choice.taken == number])
+                    for block in cut(np.flatnonzero((choice.taken == number) & (group == which)), choice.levels[number])
+                ]
+        return [(test, block) for test, choice in enumerate(choices) for block in blocks[id(choice)]]
+
+    def _kernel(self, key: KernelKey, level: StepLevel) -> Kernel:
+        if key not in self._kernels:
+            self._kernels[key] = Kernel(self.system, self.free, level.scheme, *key[1:])
+        return self._kernels[key]
+
+    def _table(self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: _Block) -> Table:
+        """The table of a test for a block's level and fixed parameters, kept for the next call."""
+        fixed = block.parameters[len(self.free) :, 0]
+        known = (key, experiment, block.level.steps, b"" if block.fixed_per_lane else fixed.tobytes())
+        table = self._tables.pop(known, None)
+        if table is None:
+            table = kernel.table(experiment, block.level, fixed)
+            while self._tables and sum(kept.nbytes for kept in self._tables.values()) > _TABLE_BYTES:
+                self._tables.popitem(last=False)
+        self._tables[known] = table
+        return table
+
+    def _run(
+        self,
+        experiments: Sequence[ExperimentData],
+        p: FloatArray,
+        choices: Sequence[StepChoice],
+        derivatives: bool,
+        reduce: bool,
+    ) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, L)."""
+        blocks, shape = self._blocks(p, choices, derivatives), self._shape(derivatives)
+        shapes = [
+            (shape.sums, block.lanes)
+            if reduce
+            else (experiments[test].samples, shape.columns, shape.outputs, block.lanes)
+            for test, block in blocks
+        ]
+        bounds = [0, *np.cumsum([math.prod(sizes) for sizes in shapes]).tolist()]
+        whole = np.empty(bounds[-1])
+        place = whole.ctypes.data
+        entries: dict[int, tuple[Callable[..., None], list[int]]] = {}
+        records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
+        tables: list[Table] = []  # in memory until all jobs are done
+        for index, (test, block) in enumerate(blocks):
+            key = (block.level.scheme.name, derivatives, reduce, block.fixed_per_lane)
+            kernel, experiment = self._kernel(key, block.level), experiments[test]
+            table = self._table(key, kernel, experiment, block)
+            code = kernel.code(table.refined or self._one_loop, block.lanes)
+            tables.append(table)
+            constant, rows, counts, substep_rows = table.addresses
+            result = place + whole.itemsize * bounds[index]
+            records[index] = (
+                experiment.samples, block.address, constant, rows, experiment.address, counts, substep_rows, result
+            )  # fmt: skip
+            entries.setdefault(id(code), (code.entry, []))[1].append(index)
+        for entry, members in entries.values():
+            # the longest first, so that threads end together
+            members.sort(key=lambda i: -experiments[blocks[i][0]].samples * blocks[i][1].level.steps)
+            self._call(entry, np.ascontiguousarray(records[members]))
+        for (test, block), start, end, sizes in zip(blocks, bounds, bounds[1:], shapes, strict=False):
+            yield test, block.rows, whole[start:end].reshape(sizes)
+
+    def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
+        """Run jobs in this thread and in as many others as there is work for."""
+        counter = ctypes.c_int64(0)
+        arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
+        helpers: list[Future[None]] = []
+        if (count := min(self.jobs, len(records)) - 1) > 0:
+            pool = _threads(os.getpid(), self.jobs - 1)
+            helpers = [pool.submit(entry, *arguments) for _ in range(count)]
+        entry(*arguments)
+        for helper in helpers:
+            if not helper.cancel():  # one that has not begun by now finds nothing left to do
+                helper.result()

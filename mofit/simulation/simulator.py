@@ -1,0 +1,174 @@
+"""Batches of parameter sets through all tests: outputs, cost, Gauss-Newton terms, sensitivities."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mofit._typing import FloatArray
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.models import System
+from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.integrators import RK4
+from mofit.simulation.scheduler import Scheduler
+from mofit.simulation.step_probing import StepProbe
+from mofit.simulation.step_selection import Box, StepRule, StepSelection
+from mofit.simulation.time_grid import StepChoice, StepLevel
+
+
+class Simulator:
+    """Runs batches of parameter sets through tests.
+
+    Parameters
+    ----------
+    system
+        The model in vector form.
+    experiments
+        The tests.
+    free
+        Names of the parameters that results are differentiated by (default: all).
+    jobs
+        Number of threads. Results are the same, bit for bit, for any number.
+    tolerance
+        Allowed error of the integration relative to the range of the outputs.
+    box
+        Bounds (lower, upper) of all parameters, in which sets will lie. A rule then chooses the method and its number
+        of steps; it is calibrated once, at first use. Without a box both are measured for each set, which takes
+        several times as long as the results themselves.
+    steps
+        Fixed number of Runge-Kutta steps per sampling interval instead.
+
+    Raises
+    ------
+    InputError
+        If a test does not fit the system, or a free parameter is unknown.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        experiments: Sequence[ExperimentData],
+        free: Sequence[str] | None = None,
+        *,
+        jobs: int = 1,
+        tolerance: float = 1e-6,
+        box: Box | None = None,
+        steps: int | None = None,
+    ) -> None:
+        self.system, self.experiments, self.tolerance = system, tuple(experiments), tolerance
+        self.free = tuple(system.parameters if free is None else free)
+        unknown = [name for name in self.free if name not in system.parameters]
+        raise_errors(
+            [Issue(f"parameter '{name}'", "unknown name", did_you_mean(name, system.parameters)) for name in unknown]
+            + [issue for experiment in self.experiments for issue in experiment.issues(system)]
+            + self._box_issues(box)
+        )
+        #: Fixed number of Runge-Kutta steps per sampling interval; None if they are chosen.
+        self.steps = steps if system.states else 1  # without states there is nothing to integrate
+        self._scheduler = Scheduler(system, self.free, jobs)
+        # compiled when first needed, shared by all that `within` makes
+        tests, names = self.experiments, self.free
+        self._probe = cache(lambda: StepProbe(system, tests, names, jobs))
+        self._selection = StepSelection(self._probe, box, tolerance)
+
+    def _with(self, **changes: Any) -> Simulator:
+        other = copy.copy(self)
+        vars(other).update(changes)
+        return other
+
+    def select(self, index: Sequence[int]) -> Simulator:
+        """The same on some of the tests; compiled code and calibration are shared."""
+        return self._with(experiments=tuple(self.experiments[i] for i in index))
+
+    def within(self, box: Box, tolerance: float | None = None) -> Simulator:
+        """The same for sets in another box (or to another tolerance), e.g. around a minimum; code is shared.
+
+        A small box takes fewer steps: its rule need not cover the stiffest corner of a large one.
+        """
+        raise_errors(self._box_issues(box))
+        tolerance = self.tolerance if tolerance is None else tolerance
+        return self._with(tolerance=tolerance, _selection=StepSelection(self._probe, box, tolerance))
+
+    def with_steps(self, steps: int) -> Simulator:
+        """The same with a fixed number of Runge-Kutta steps per sampling interval; code is shared."""
+        return self._with(steps=steps if self.system.states else 1)
+
+    def with_experiments(self, experiments: Sequence[ExperimentData]) -> Simulator:
+        """The same on other tests; code is shared.
+
+        Unless the number of steps is fixed, each must come from one of the former tests (`ExperimentData.changed`),
+        whose step levels it keeps.
+        """
+        raise_errors(issue for experiment in experiments for issue in experiment.issues(self.system))
+        return self._with(experiments=tuple(experiments))
+
+    def without_tables(self) -> Simulator:
+        """The same with none of the tables that speed up the next call: frees memory; code is shared."""
+        return self._with(_scheduler=self._scheduler.without_tables())
+
+    @property
+    def rules(self) -> list[StepRule]:
+        """How each test is integrated, by stiffness; empty without a ``box``."""
+        if self.steps:
+            return [StepRule((StepLevel(RK4, self.steps),))] * len(self.experiments)
+        return self._selection.rules(self.experiments)
+
+    def simulate(self, p: ArrayLike) -> list[FloatArray]:
+        """Outputs of every test, each (N, n, ny), for parameter sets ``p`` of shape (N, np)."""
+        return [values[..., 0] for values in self._stored(p, derivatives=False)]
+
+    def sensitivities(self, p: ArrayLike) -> list[tuple[FloatArray, FloatArray]]:
+        """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test."""
+        return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
+
+    def cost(self, p: ArrayLike) -> FloatArray:
+        r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T); nan: failed."""
+        return self._reduced(p, derivatives=False)[..., 0]
+
+    def gauss_newton(self, p: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        r"""Cost (N, T), :math:`J^T W r` (N, T, nf) and :math:`J^T W J` (N, T, nf, nf), with J = dy/dfree."""
+        sums = self._reduced(p, derivatives=True)
+        nf = len(self.free)
+        hessian = np.empty((*sums.shape[:2], nf, nf))
+        row, column = np.triu_indices(nf)
+        hessian[..., row, column] = hessian[..., column, row] = sums[..., 1 + nf :]
+        return sums[..., 0], sums[..., 1 : 1 + nf], hessian
+
+    def _box_issues(self, box: Box | None) -> list[Issue]:
+        names = self.system.parameters
+        return [
+            Issue(f"box, {which} bounds", f"shape {np.shape(bound)}, not ({len(names)},)", f"Bound {', '.join(names)}")
+            for which, bound in zip(("lower", "upper"), box or (), strict=False)
+            if np.shape(bound) != (len(names),)
+        ]
+
+    def _stored(self, p: ArrayLike, derivatives: bool) -> list[FloatArray]:
+        p = self._checked(p)
+        return self._scheduler.stored(self.experiments, p, self._choices(p), derivatives)
+
+    def _reduced(self, p: ArrayLike, derivatives: bool) -> FloatArray:
+        p = self._checked(p)
+        sums = self._scheduler.reduced(self.experiments, p, self._choices(p), derivatives)
+        sums[~np.isfinite(sums[..., 0])] = np.nan
+        return sums
+
+    def _choices(self, p: FloatArray) -> list[StepChoice]:
+        """How each test is integrated at parameter sets (N, np)."""
+        if self.steps or not len(p):
+            return [StepChoice.everywhere(StepLevel(RK4, self.steps or 1), len(p))] * len(self.experiments)
+        return self._selection.choices(p, self.experiments)
+
+    def _checked(self, p: ArrayLike) -> FloatArray:
+        p = np.ascontiguousarray(np.atleast_2d(np.asarray(p, dtype=float)))
+        if p.ndim != 2 or p.shape[1] != len(self.system.parameters):
+            raise InputError.of(
+                "parameter sets",
+                f"shape {p.shape} does not end in {len(self.system.parameters)}",
+                f"Give one column per parameter: {', '.join(self.system.parameters)}",
+            )
+        return p

@@ -1,0 +1,156 @@
+"""The step level of each parameter set and test: by a rule that is calibrated within a box, or measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mofit._typing import FloatArray
+from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.integrators import RK4, RODAS4
+from mofit.simulation.step_probing import StepProbe, StepSettings, Stiffness
+from mofit.simulation.time_grid import StepChoice, StepLevel
+
+#: lower and upper bounds of all parameters
+Box = tuple[ArrayLike, ArrayLike]
+
+
+@dataclass(frozen=True)
+class StepRule:
+    """For one test: the step levels and the stiffness up to which each is taken.
+
+    Parameters
+    ----------
+    levels
+        Ways to integrate.
+    limits
+        Ascending, 1/s, one less than levels: ``levels[i]`` up to ``limits[i]``, the last one beyond.
+    """
+
+    levels: tuple[StepLevel, ...]
+    limits: tuple[float, ...] = ()
+
+    def choose(self, stiffness: FloatArray) -> StepChoice:
+        """The level of every parameter set."""
+        return StepChoice(self.levels, np.searchsorted(self.limits, stiffness))
+
+
+class StepSelection:
+    """Chooses step levels; a choice depends on nothing but the parameter set and the test.
+
+    Parameters
+    ----------
+    probe
+        Integrates the tests with any number of steps; compiled when it is first asked for.
+    box
+        Bounds (lower, upper) of all parameters, within which a rule is calibrated at first use. Without it every
+        parameter set is measured.
+    tolerance
+        Allowed error of the integration relative to the range of the outputs.
+    """
+
+    settings = StepSettings()
+
+    def __init__(self, probe: Callable[[], StepProbe], box: Box | None, tolerance: float) -> None:
+        self._probe, self._box, self._tolerance = probe, box, tolerance
+        self._measured = lru_cache(maxsize=8)(self._measure)
+
+    def rules(self, experiments: Sequence[ExperimentData]) -> list[StepRule]:
+        """The rule of each test; none without a box."""
+        if self._box is None:
+            return []
+        rules, _ = self._calibration
+        return [rules[experiment.origin or experiment] for experiment in experiments]
+
+    def choices(self, p: FloatArray, experiments: Sequence[ExperimentData]) -> list[StepChoice]:
+        """How each test is integrated at parameter sets (N, np)."""
+        if self._box is None:
+            measured = self._measured(p.tobytes(), len(p))
+            return [measured[experiment.origin or experiment] for experiment in experiments]
+        _, stiffness = self._calibration
+        rate = stiffness(p)
+        return [rule.choose(rate) for rule in self.rules(experiments)]
+
+    @cached_property
+    def _calibration(self) -> tuple[dict[ExperimentData, StepRule], Stiffness]:
+        """The rule of every test.
+
+        All sets up to a stiffness take the cheapest level that is enough for those of a sample throughout the box.
+        """
+        assert self._box is not None
+        lower, upper = (np.asarray(bound, dtype=float) for bound in self._box)
+        probe, p = self._probe(), sample_box(lower, upper, self.settings)
+        stiffness = probe.stiffness(p)
+        rate = stiffness(p)
+        explicit, implicit = self._needed(p, rate)
+        rules = [_rule(rate, explicit[:, t], implicit[:, t], self.settings) for t in range(explicit.shape[1])]
+        return dict(zip(probe.origins, rules, strict=True)), stiffness
+
+    def _measure(self, sets: bytes, count: int) -> dict[ExperimentData, StepChoice]:
+        """The cheapest sufficient level of every parameter set."""
+        explicit, implicit = self._needed(np.frombuffer(sets).reshape(count, -1))
+        levels = [
+            [self.settings.cheapest(*steps, self.settings.unresolved) for steps in zip(*columns, strict=True)]
+            for columns in zip(explicit.T, implicit.T, strict=True)
+        ]
+        return dict(zip(self._probe().origins, map(StepChoice.of, levels), strict=True))
+
+    def _needed(self, p: FloatArray, rate: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Explicit and implicit steps that sets (N, np) need on each test.
+
+        The number is doubled until the outputs change by less than the tolerance.
+        """
+        probe, settings = self._probe(), self.settings
+        explicit = probe.needed(p, RK4, settings.explicit[-1], self._tolerance, rate)
+        skip = explicit <= settings.few
+        return explicit, probe.needed(p, RODAS4, settings.implicit[-1], self._tolerance, skip=skip)
+
+
+def sample_box(lower: FloatArray, upper: FloatArray, settings: StepSettings) -> FloatArray:
+    """Parameter sets throughout a box: a Sobol sequence and corners; bounds that coincide are kept."""
+    from scipy.stats import qmc  # late: its import takes half a second
+
+    wide = (lower > 0) & (upper >= settings.wide * lower)
+    low, high = lower.copy(), upper.copy()
+    low[wide], high[wide] = np.log(lower[wide]), np.log(upper[wide])
+    moved = np.flatnonzero(upper > lower)
+    if not len(moved):
+        return lower[None]
+    if 2 ** len(moved) <= settings.corners:
+        corners = np.array(np.meshgrid(*[[0.0, 1.0]] * len(moved))).reshape(len(moved), -1).T
+    else:
+        corners = np.random.default_rng(0).integers(0, 2, (settings.corners, len(moved))).astype(float)
+    unit = np.zeros((settings.points + len(corners), len(lower)))
+    unit[:, moved] = np.concatenate([qmc.Sobol(len(moved), scramble=False).random(settings.points), corners])
+    values = low + unit * (high - low)
+    values[:, wide] = np.exp(values[:, wide])
+    return np.clip(values, lower, upper)
+
+
+def _rule(rate: FloatArray, explicit: FloatArray, implicit: FloatArray, settings: StepSettings) -> StepRule:
+    """The rule of a test from stiffness and needed steps of a sample, each (N,)."""
+    unresolved = ~np.isfinite(explicit) & ~np.isfinite(implicit)
+    order = np.argsort(rate[~unresolved], kind="stable")
+    rate, explicit, implicit = (values[~unresolved][order] for values in (rate, explicit, implicit))
+    levels: list[StepLevel] = []
+    limits: list[float] = []
+    for i in range(len(rate)):
+        # what is stiffer needs no less: the most that any set up to here, and a little on, needed
+        end = max(i + settings.ahead, int(np.searchsorted(rate, settings.stiffer * rate[i])))
+        tried = implicit[:end][~np.isnan(implicit[:end])]
+        needed = float(np.max(explicit[:end])), float(np.max(tried)) if len(tried) else np.nan
+        level = settings.cheapest(*needed, settings.implicit[-1])
+        if levels and levels[-1] == level:
+            limits[-1] = float(rate[i])
+        else:
+            levels.append(level)
+            limits.append(float(rate[i]))
+    # stiffer than all of the sample: the L-stable method with as many steps as any of it needed
+    most = float(np.max(implicit[np.isfinite(implicit)], initial=settings.unresolved))
+    if limits:
+        limits[-1] *= settings.beyond
+    return StepRule((*levels, settings.cheapest(np.inf, most, settings.implicit[-1])), tuple(limits))

@@ -1,0 +1,161 @@
+"""How a test is integrated, and where its steps lie: between samples, and never across a kink of the inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.models import System
+from mofit.simulation.compiler.evaluate import evaluate
+from mofit.simulation.compiler.program import LANE, TIME, Node, Program, pruned, trace
+from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.integrators import Scheme
+
+#: how often the first sampling interval is halved for implicit schemes: T = 1e-6 of it is resolved
+_HALVINGS = 20
+#: points per sampling interval at which switches are looked for
+_LOOKS = 8
+#: bisections from there; to about 1e-16 of the interval
+_BISECTIONS = 48
+#: tests whose switches are remembered
+_REMEMBERED = 256
+
+
+@dataclass(frozen=True)
+class StepLevel:
+    """How a test is integrated: the method and its number of steps per sampling interval."""
+
+    scheme: Scheme
+    steps: int
+
+    @property
+    def cost(self) -> float:
+        """Work per sampling interval, relative to one Runge-Kutta step."""
+        return self.scheme.cost * self.steps
+
+
+@dataclass(frozen=True)
+class StepChoice:
+    """The levels of one test, and the one that each parameter set takes: its place in ``levels``, -1 for none."""
+
+    levels: tuple[StepLevel, ...]
+    taken: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, levels: Sequence[StepLevel]) -> StepChoice:
+        """From the level of every parameter set."""
+        known = {level: place for place, level in enumerate(dict.fromkeys(levels))}
+        return cls(tuple(known), np.array([known[level] for level in levels], dtype=np.intp))
+
+    @classmethod
+    def everywhere(cls, level: StepLevel, count: int) -> StepChoice:
+        """One level for all parameter sets."""
+        return cls((level,), np.zeros(count, dtype=np.intp))
+
+
+@dataclass(frozen=True)
+class TimeGrid:
+    """Steps in order of time.
+
+    Parameters
+    ----------
+    start, end
+        Of every step, s. Where inputs switch, one step ends just before and the next starts just after.
+    counts
+        Number of steps of every sampling interval; the last sample has one too, which leads nowhere.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    counts: NDArray[np.int64]
+
+
+def build_time_grid(experiment: ExperimentData, level: StepLevel, switches: tuple[FloatArray, FloatArray]) -> TimeGrid:
+    """Cut every sampling interval at its switches, and every part into equal steps; switches after the end are ignored.
+
+    With an implicit scheme the first interval is also halved again and again towards its start.
+    """
+    before, after = (times[switches[1] < (experiment.samples - 1) * experiment.step] for times in switches)
+    halves = experiment.step * 0.5 ** np.arange(_HALVINGS, 0, -1) if not level.scheme.explicit else np.empty(0)
+    samples = np.arange(experiment.samples + 1) * experiment.step
+    ends = np.concatenate([samples[1:], halves, before])
+    starts = np.concatenate([samples[:-1], halves, after])
+    order = np.argsort(ends, kind="stable")
+    ends, starts = ends[order], np.sort(starts)
+    # parts shorter than rounding are no parts
+    parts = ends - starts > 1e-12 * experiment.step
+    starts, ends = starts[parts], ends[parts]
+    fractions = np.arange(level.steps + 1) / level.steps
+    edges = starts[:, None] + (ends - starts)[:, None] * fractions
+    edges[:, -1] = ends
+    interval = np.searchsorted(samples, 0.5 * (starts + ends), side="right") - 1
+    counts = np.bincount(interval, minlength=experiment.samples) * level.steps
+    return TimeGrid(edges[:, :-1].ravel(), edges[:, 1:].ravel(), counts.astype(np.int64))
+
+
+def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:
+    """Times just before and just after a branch of the equations switches, sampling times left out.
+
+    Only switches that inputs and conditions decide alone: they are the same for all parameter
+    sets. A step across a kink would be of second order only.
+    """
+    return _find(_switch_program(system), experiment)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:
+    """The same for the functions whose sign decides; models that share them share the result."""
+    if not program.outputs[0] or experiment.samples < 2:
+        return np.empty(0), np.empty(0)
+
+    def sides(time: FloatArray) -> FloatArray:
+        conditions = np.repeat(np.asarray(experiment.conditions, dtype=float)[:, None], len(time), axis=1)
+        unread = np.empty((0, len(time)))
+        return np.sign(evaluate(program, [unread, experiment.at(time), unread, conditions]))
+
+    time = (np.arange((experiment.samples - 1) * _LOOKS + 1) / _LOOKS) * experiment.step
+    look = sides(time)
+    which, at = np.nonzero(look[:, :-1] * look[:, 1:] < 0)
+    low, high = time[at], time[at + 1]
+    column = np.arange(len(at))
+    for _ in range(_BISECTIONS if len(at) else 0):
+        middle = 0.5 * (low + high)
+        left = sides(middle)[which, column] == look[which, at]
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    within = np.flatnonzero(np.any(look == 0, axis=0))
+    within = within[within % _LOOKS != 0]
+    return _separate(np.concatenate([low, time[within]]), np.concatenate([high, time[within]]), experiment.step)
+
+
+def _separate(low: FloatArray, high: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """In order of time, those closer than rounding taken as one."""
+    order = np.argsort(low, kind="stable")
+    low, high = low[order], high[order]
+    new = np.concatenate([[True], np.diff(low) > 1e-9 * step])[: len(low)]
+    return low[new], high[new]
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _switch_program(system: System) -> Program:
+    """The functions of inputs and conditions whose sign decides a branch, as one output."""
+    x, u, p, c = system.rhs.sx_in()
+    everything = ca.densify(ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c)))
+    program = trace(ca.Function("everything", [x, u, p, c], [everything]))
+    levels = program.levels((LANE, TIME, LANE, 0))
+    nodes, found = list(program.nodes), set()
+    for node in program.nodes:
+        if node.op in (ca.OP_FABS, ca.OP_SIGN):
+            found.add(node.args[0])
+        elif node.op in (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX):
+            nodes.append(Node(ca.OP_SUB, node.args))
+            levels.append(levels[node.args[0]] | levels[node.args[1]])
+            found.add(len(nodes) - 1)
+    roots = sorted(index for index in found if levels[index] == TIME)
+    # only what they need, so that models that differ elsewhere have the same program
+    return pruned(Program(tuple(nodes), (tuple(roots),)))

@@ -1,0 +1,190 @@
+"""A plan made ready: its models, every number in SI units, every issue in one list."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ParamSpec, TypeVar
+
+import numpy as np
+
+from mofit.data import Experiment
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
+from mofit.quantities import CONDITIONS
+from mofit.simulation.experiment import TIME_CONDITIONS
+from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan
+from mofit.simulation.virtual_rig.signals import excitation
+from mofit.units import Quantity, parse_quantity
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_UNITS = {"sample_rate": "Hz", "frequency": "Hz", "last_frequency": "Hz", "duration": "s", "delay": "s"}
+
+
+@dataclass(frozen=True)
+class TestSetup:
+    """One test: the model that responds to it, its numbers and its own conditions, in SI units."""
+
+    plan: TestPlan
+    model: Model
+    settings: Mapping[str, float]
+    conditions: Mapping[str, float]
+
+    @property
+    def excited(self) -> Channel:
+        """The input that the rig moves; other inputs are its derivatives."""
+        return _excited(self.model)
+
+    def experiment(
+        self, rng: np.random.Generator, conditions: Mapping[str, float], start_time: float | None = None
+    ) -> Experiment:
+        """The test with its input signal; its own conditions override the common ones."""
+        signal = excitation(self.plan.kind, self.settings, self.plan.lines, rng)
+        return Experiment(
+            name=self.plan.name,
+            kind=self.plan.kind,
+            time=signal.time,
+            inputs={self.excited.name: signal.values},
+            conditions={**conditions, **self.conditions},
+            frequency=signal.frequency,
+            amplitude=self.settings["amplitude"],
+            start_time=start_time,
+            interpolation=signal.interpolation,
+        )
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A whole plan; ``values`` of all parameters, ``noise`` settings by channel, ``units`` of the conditions."""
+
+    values: Mapping[str, float]
+    conditions: Mapping[str, float]
+    units: Mapping[str, str]
+    noise: Mapping[str, Mapping[str, float]]
+    pause: float
+    tests: tuple[TestSetup, ...]
+
+
+def set_up(plan: Plan, where: str) -> Setup:
+    """Make a plan ready; ``where`` names it in errors. Parameters that are left out are nominal.
+
+    Raises
+    ------
+    InputError
+        With every issue: unknown names, values of the wrong unit, missing conditions.
+    """
+    check = _Check(where)
+    model = check.attempt(find_model, plan.model)
+    effects = [check.attempt(find_effect, entry.name) for entry in plan.effects]
+    raise_errors(check.issues)  # the rest is about the model and its effects
+    assert model is not None
+    known = [effect for effect in effects if effect is not None]
+    build_system(with_effects(model, *known))
+    conditions, units = check.conditions("", plan.conditions, model)
+    values = check.values("parameters", model, plan.parameters)
+    for effect, entry in zip(known, plan.effects, strict=True):
+        values |= check.values(f"effect '{effect.name}'", effect, entry.parameters)
+    limited = [(effect, entry.kinds) for effect, entry in zip(known, plan.effects, strict=True)]
+    tests = tuple(check.test(test, _responding(model, limited, test.kind), conditions) for test in plan.tests)
+    noise, pause = check.noise(plan.noise, tests), check.number("pause", plan.pause, "s")
+    raise_errors(check.issues)
+    return Setup(values, conditions, units, noise, pause, tests)
+
+
+def _excited(model: Model) -> Channel:
+    return next(channel for channel in model.inputs if channel.derivative_of is None)
+
+
+def _responding(model: Model, effects: Sequence[tuple[Effect, tuple[str, ...]]], kind: str) -> Model:
+    """The model that responds to a test of this kind, with the effects that join it and can act on it."""
+    stages = [stage for stage in model.stages if kind in stage.excitations and not stage.settled]
+    base = find_model(stages[0].model) if stages else model
+    joining = [effect for effect, kinds in effects if not kinds or kind in kinds]
+    return with_effects(base, *(effect for effect in joining if incompatibility(effect, base) is None))
+
+
+class _Check:
+    """Turns the entries of a plan into SI units and collects what is wrong with them."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.issues: list[Issue] = []
+
+    def add(self, place: str, message: str, hint: str) -> None:
+        self.issues.append(Issue(f"{self.where}, {place}", message, hint))
+
+    def attempt(self, function: Callable[P, T], *args: P.args, **options: P.kwargs) -> T | None:
+        """The function's result, or None with its issues collected."""
+        try:
+            return function(*args, **options)
+        except InputError as error:
+            for issue in error.issues:
+                self.add(issue.where, issue.message, issue.hint)
+            return None
+
+    def number(self, place: str, value: Quantity, unit: str) -> float:
+        """A finite quantity; nan if it is none."""
+        found = self.attempt(parse_quantity, place, value, unit)
+        if found is None:
+            return np.nan
+        if not np.isfinite(found[0]):
+            self.add(place, f"{value} is not finite", "Give a finite number")
+        return found[0]
+
+    def values(self, place: str, owner: Model | Effect, given: Mapping[str, Quantity]) -> dict[str, float]:
+        """Value of every parameter of a model or effect."""
+        values = {parameter.name: parameter.nominal for parameter in owner.parameters}
+        units = {parameter.name: parameter.unit for parameter in owner.parameters}
+        for name, value in given.items():
+            if name in units:
+                values[name] = self.number(f"{place}, {name}", value, units[name])
+            else:
+                self.add(place, f"unknown parameter '{name}'", did_you_mean(name, units))
+        return values
+
+    def conditions(
+        self, place: str, given: Mapping[str, Quantity], model: Model
+    ) -> tuple[dict[str, float], dict[str, str]]:
+        """Conditions and their units; a name that is not known brings its own unit."""
+        known = {name: known.unit for name, known in CONDITIONS.items()} | {c.name: c.unit for c in model.conditions}
+        found = {
+            name: self.attempt(parse_quantity, f"{place}condition '{name}'", value, known.get(name))
+            for name, value in given.items()
+        }
+        kept = {name: entry for name, entry in found.items() if entry is not None}
+        return {name: value for name, (value, _) in kept.items()}, {name: unit for name, (_, unit) in kept.items()}
+
+    def test(self, test: TestPlan, model: Model, common: Mapping[str, float]) -> TestSetup:
+        place = f"test '{test.name}'"
+        own, _ = self.conditions(f"{place}, ", test.conditions, model)
+        for condition in model.conditions:
+            if condition.default is None and condition.name not in {*common, *own, *TIME_CONDITIONS}:
+                needed = f"condition '{condition.name}' in {condition.unit}"
+                self.add(place, f"model '{model.name}' needs {needed}", "Add it under [conditions]")
+        unit = _excited(model).unit
+        settings = {} if test.periods is None else {"periods": test.periods}
+        for key, target in {**_UNITS, "amplitude": unit, "ramp_rate": f"{unit}/s"}.items():
+            value = getattr(test, key)
+            if value is not None:
+                settings[key] = self.number(f"{place}, {key}", value, target)
+                if key not in ("amplitude", "delay") and settings[key] <= 0:
+                    self.add(f"{place}, {key}", f"{value} is not above 0", "Give a positive number")
+        return TestSetup(test, model, settings, own)
+
+    def noise(self, given: Mapping[str, NoisePlan], tests: Sequence[TestSetup]) -> dict[str, dict[str, float]]:
+        """Noise settings by channel."""
+        channels = [c for test in tests for c in (*test.model.inputs, *test.model.outputs)]
+        units = {channel.name: channel.unit for channel in channels if not channel.derivative_of}
+        found = {}
+        for name, entry in given.items():
+            if name in units:
+                sd, coloured = (
+                    self.number(f"noise.{name}, {key}", getattr(entry, key), units[name])
+                    for key in ("sd", "coloured_sd")
+                )
+                found[name] = {**entry.model_dump(), "sd": sd, "coloured_sd": coloured}
+            else:
+                self.add("noise", f"no channel '{name}'", did_you_mean(name, units))
+        return found

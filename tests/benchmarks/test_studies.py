@@ -1,0 +1,41 @@
+"""The studies whose pages are in reports/: each imports, and says in its docstring where its page goes."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from report_page import ROOT, header, made_with, table
+
+SCRIPTS = sorted(path for path in (ROOT / "scripts" / "studies").glob("*.py") if "def main" in path.read_text())
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_a_study_imports_and_names_its_page_and_its_command(path: Path) -> None:
+    if path.stem == "batch":
+        pytest.importorskip("distributed")
+    if path.stem == "formats":
+        pytest.importorskip("asammdf")
+    text = importlib.import_module(path.stem).__doc__
+    assert f"reports/{path.stem}/README.md" in text.partition("\n\n")[0]
+    assert f"python scripts/studies/{path.name}" in text
+    assert (ROOT / "reports" / path.stem / "README.md").exists()
+
+
+def test_a_page_names_its_command_and_versions() -> None:
+    lines = header("Title", "First line.\n\n    usage\n\nThe method.\n", "two_modes.py --seeds 1", "A note.")
+    assert lines[:3] == ["# Title", "", "The method."]
+    assert lines[4] == "Written by `python scripts/studies/two_modes.py --seeds 1`. A note."
+    assert table(("a", "b"), [(1, "x")]) == ["| a | b |", "|---|---|", "| 1 | x |", ""]
+    assert "numpy" in made_with()
+
+
+def test_the_index_of_reports_names_every_study_and_every_study_has_one_page() -> None:
+    reports = ROOT / "reports"
+    folders = sorted(path for path in reports.iterdir() if path.is_dir())
+    index = (reports / "README.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^\| \[(\w+)\]", index, re.MULTILINE)) == [folder.name for folder in folders]
+    for folder in folders:
+        assert [page.name for page in folder.glob("*.md")] == ["README.md"]
+        assert re.search(r"(Written|Made) by ", (folder / "README.md").read_text(encoding="utf-8")), folder.name

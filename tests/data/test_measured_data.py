@@ -1,0 +1,103 @@
+"""The maps in data/maps on the measured data: true frequencies, cycles and transients."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mofit.data import check_campaign, import_files, read_campaign, write_campaign
+from mofit.data.signals import analyse, smooth_derivative, steady_samples
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT / "../shared/data"
+
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured data (../shared/data) are not here")
+
+
+def imported(name, folder):
+    return import_files([DATA / folder], ROOT / "data" / "maps" / f"{name}.toml")
+
+
+@pytest.mark.parametrize("current", ["0", "0x5"])
+def test_damper_true_frequencies_amplitudes_and_cycles(tmp_path, current):
+    campaign = imported(f"mr_damper_{current}A", "mr_damper_sine")
+    assert campaign.tests == tuple(f"sine_{f}Hz" for f in ("0.1", "0.25", "0.5", "1", "3", "5"))
+    assert campaign.conditions == {"current": float(current.replace("x", "."))}
+    true_amplitudes = [0.02445, 0.02445, 0.02445, 0.00973, 0.00452, 0.00162]
+    for test, amplitude in zip(campaign.measurements, true_amplitudes, strict=True):
+        record = analyse(test)
+        label = test.experiment.frequency
+        assert 1.0160 < 1 / record.period / label < 1.0205
+        kept = steady_samples(test.time, record.transient, record.tail)
+        assert np.ptp(test.channel("displacement")[kept]) / 2 == pytest.approx(amplitude, rel=0.015)
+        # the rig ramps up for about a period and stops before the end; the record has 4.7 to 13 cycles
+        cycles = len(test.time) * test.experiment.step / record.period
+        assert 4.7 < cycles < 13.1
+        assert 3 <= record.periods <= cycles - 1
+        assert 0.25 * record.period < record.transient < 4.5 * record.period
+        assert 0.2 * record.period < record.tail < 1.8 * record.period
+        assert record.noise_floor["force"] < 0.02
+    write_campaign(campaign, tmp_path / "c.nc")
+    assert read_campaign(tmp_path / "c.nc").hash() == campaign.hash()
+    said = check_campaign(tmp_path / "c.nc")
+    assert {issue.severity for issue in said} == {"warning"}
+    assert sum("attribute 'frequency'" in issue.where for issue in said) == 6
+
+
+def test_damper_velocity_from_displacement():
+    campaign = imported("mr_damper_0A", "mr_damper_sine")
+    test = campaign["sine_1Hz"]
+    table = np.loadtxt(DATA / "mr_damper_sine" / "10mm1Hz0A.txt.gz")
+    _, velocity = smooth_derivative(test.time, test.channel("displacement"))
+    assert np.std(velocity - table[:, 2] / 1000) < 0.01 * np.std(velocity)
+
+
+def test_emps_cycles():
+    campaign = imported("emps", "emps")
+    assert campaign.tests == ("trajectory", "pulses")
+    for test in campaign.measurements:
+        record = analyse(test)
+        # the reference repeats exactly every 6.24 s; the last of the four runs is 0.12 s short
+        assert record.period == pytest.approx(6.24, rel=1e-5)
+        assert len(test.time) * test.experiment.step / record.period == pytest.approx(4, abs=0.03)
+        assert record.periods == 3
+        assert (record.transient, record.tail) == (0, 0)
+        assert np.ptp(test.channel("displacement")) == pytest.approx(0.2464, rel=1e-3)
+
+
+def test_emps_force_is_gain_times_voltage():
+    from scipy.io import loadmat
+
+    raw = loadmat(DATA / "emps" / "DATA_EMPS.mat", squeeze_me=True)
+    force = imported("emps", "emps")["trajectory"].channel("force")
+    np.testing.assert_allclose(force, float(raw["gtau"]) * raw["vir"])
+
+
+def test_silverbox_realisations_and_bursts():
+    campaign = imported("silverbox", "silverbox")
+    step = 2**14 / 1e7
+    arrow = campaign["arrow"]
+    assert analyse(arrow).period is None
+    for k in range(1, 11):
+        test = campaign[f"multisine_{k:02d}"]
+        record = analyse(test)
+        assert record.period == pytest.approx(8192 * step, rel=1e-6)
+        assert record.periods == 1
+        kept = steady_samples(test.time, record.transient)
+        assert np.count_nonzero(kept) == 8192
+        # the lead-in repeats the end of the period to the noise of the generator
+        lead = np.count_nonzero(~kept)
+        voltage = test.channel("force")
+        assert np.std(voltage[:lead] - voltage[8192:]) < 0.02 * np.std(voltage)
+        assert 0.1e-3 < record.noise_sd["displacement"] < 0.5e-3
+        # an odd multisine: even lines hold nothing
+        lines = np.abs(np.fft.rfft(voltage[kept] - voltage.mean()))[:2600]
+        assert np.sqrt(np.mean(lines[2::2] ** 2)) < 0.02 * np.sqrt(np.mean(lines[1::2] ** 2))
+    for name in ("schroeder_01", "schroeder_02"):
+        test = campaign[name]
+        record = analyse(test)
+        assert record.period == pytest.approx(1024 * step, rel=1e-6)
+        assert len(test.time) * step / record.period == pytest.approx(10.94, abs=0.01)
+        assert record.periods == 10
+        assert record.noise_sd["force"] == pytest.approx(0.27e-3, rel=0.1)
+        assert record.noise_sd["displacement"] == pytest.approx(0.3e-3, rel=0.2)

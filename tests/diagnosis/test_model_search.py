@@ -1,0 +1,111 @@
+"""The search for several effects: which sets are tried next, and which refits count."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from damper_rig import damper_fit
+
+from mofit.diagnosis.candidates import prepare
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.model_search import attribute, best_extensions
+from mofit.diagnosis.refit import is_reliable, settled
+from mofit.diagnosis.settings import DiagnosisSettings, FitSettings, SearchSettings
+from mofit.models import find_effect
+from mofit.optimize import Minimum
+
+
+def model(criterion, *effects):
+    return SimpleNamespace(criterion=criterion, effects=effects, fitted=effects)
+
+
+def scores(**statistics):
+    return [SimpleNamespace(name=name, statistic=value) for name, value in statistics.items()]
+
+
+def extensions(level, tests, share=0.5):
+    found = best_extensions(level, tests, SearchSettings(extension_promising=share))
+    return {(*base, one.name): one.statistic for base, added in found for one in added}
+
+
+def test_sets_follow_by_the_criterion_that_they_promise():
+    level = [model(100.0, "a"), model(200.0, "b")]
+    tests = [scores(b=10.0, c=50.0), scores(a=180.0, c=130.0)]
+    # a + b is promised 20 from b, 90 from a; a + c 50, b + c 70
+    assert extensions(level, tests) == {("b", "a"): 180.0, ("a", "c"): 50.0}
+    assert extensions(level, tests, share=0.3) == {("b", "a"): 180.0, ("a", "c"): 50.0, ("b", "c"): 130.0}
+
+
+def test_what_betters_nothing_is_not_tried():
+    assert extensions([model(100.0, "a"), model(300.0, "b")], [scores(b=0.0), scores(a=150.0)]) == {}
+
+
+def test_six_sets_at_most():
+    assert len(extensions([model(100.0, "a")], [scores(**{f"x{i}": 50.0 + i for i in range(9)})])) == 6
+
+
+@pytest.mark.parametrize(("unexplained", "most"), [((0.1, 1.0), 1), ((1.0, 0.5), 2), ((1.0, 1.0), 3)])
+def test_one_more_effect_is_tried_only_where_little_is_left(unexplained: tuple[float, float], most: int):
+    """Of friction's gap delay and inertia leave more than half of the squares."""
+    baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
+    names = ("asymmetric_stiffness", "delay", "inertia", "quadratic_damping")
+    candidates = [prepare(baseline, find_effect(name)) for name in names]
+    found = attribute(baseline, candidates, DiagnosisSettings(search=SearchSettings(unexplained=unexplained)))
+    assert max(len(one.effects) for one in found.models) == most
+
+
+def fitted(steps, diverges_from, slope=1.0):
+    """A minimum of a model that diverges with so many steps, and its derivatives."""
+
+    def model(steps):
+        value = np.array([np.nan if steps >= diverges_from else 1.0])
+        return SimpleNamespace(steps=steps, with_steps=model, evaluate=lambda u: (value, None, None))
+
+    minimum = SimpleNamespace(point=np.zeros(2))
+    return SimpleNamespace(hypothesis=model(steps), minimum=minimum, jacobian=np.full((3, 2), slope))
+
+
+def test_a_minimum_that_diverges_at_half_the_step_is_dropped():
+    assert is_reliable(fitted(steps=4, diverges_from=16))
+    assert not is_reliable(fitted(steps=4, diverges_from=8))
+
+
+@pytest.mark.parametrize("slope", [1e71, np.nan])
+def test_a_minimum_with_divergent_derivatives_is_dropped(slope):
+    assert not is_reliable(fitted(steps=4, diverges_from=16, slope=slope))
+
+
+def test_standard_deviation_with_derivatives_of_all_sizes():
+    """Squared, the largest would leave nothing of the others."""
+    jacobian = np.array([[1e10, 1e10], [0.0, 1.0]])
+    point = np.full(2, 0.5)
+    minimum = Minimum(point, 0.0, point, np.eye(2), True, np.zeros(2, dtype=np.int64), ())
+    # along (1, -1): one row of slope 1, and twice the box
+    assert Fitted(None, minimum, np.zeros(2), jacobian).sd() == pytest.approx(np.full(2, 1 / np.sqrt(3)), rel=1e-5)
+
+
+def settle(values, limit):
+    """The value kept of minima found one after the other, the effect being present in the calibration tests."""
+    left = iter(values)
+
+    def again(_=None):
+        discrepancies = [SimpleNamespace(present_in_calibration=True)]
+        minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
+        return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(discrepancies=discrepancies))
+
+    return settled(again(), limit, FitSettings(), again).minimum.value
+
+
+@pytest.mark.parametrize(("values", "kept"), [([1.0, 5.0] * 6, 5.0), ([5.0, 1.0, 1.05, 9.0], 1.05)])
+def test_of_alternating_minima_the_worse_counts(values, kept):
+    assert settle(values, np.inf) == kept
+
+
+@pytest.mark.parametrize(
+    ("values", "kept"),
+    [([1000.0], 1000.0), ([400.0, 399.0], 399.0), ([400.0, 380.0, 349.0, 348.9, 348.85], 348.85)],
+    ids=["far off", "too slow", "within reach"],
+)
+def test_what_would_not_reach_the_limit_is_not_fitted_further(values, kept):
+    # a sum of squares of 700 is a value of 350; another round would find nothing
+    assert settle(values, 700.0) == kept

@@ -1,6 +1,0 @@
-"""Make the synthetic results importable whatever pytest's import mode is."""
-
-import sys
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parent))
