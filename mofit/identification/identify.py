@@ -8,12 +8,12 @@ from pathlib import Path
 import xarray as xr
 
 from mofit.data import Campaign
-from mofit.identification.problem_setup import choose_tests, search_weights
+from mofit.identification.problem_setup import choose_tests
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree import assemble
 from mofit.identification.settings import Settings
-from mofit.identification.stages import locate_minima, sample_modes, starts_of
+from mofit.identification.stages import locate_minima, sample_modes
 from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
@@ -79,36 +79,21 @@ def identify(
 
     with report_beside() as drawn:
         located = locate_minima(campaign, model, settings, tests, timer=timer, progress=progress)
-        searched, posterior = located.searched, located.posterior
-        values = posterior.space.from_unit(located.minima[0].point)
-        references = partial(
-            fit_references,
-            searched.with_fixed(dict(zip(posterior.space.names, values, strict=True))),
-            starts_of(located.search),
-            model,
-            campaign,
-            located.calibrations,
-            settings,
-        )
+        references = partial(fit_references, located, model, campaign, settings)
         with folder.at_work(configuration) as unfinished, beside(references, settings.jobs > 1) as fitted:
             log.write_to(unfinished / "run.log")
             with timer.measure("sample"):
-                modes = sample_modes(posterior, located.minima, settings, unfinished / "chains.h5", progress)
+                modes = sample_modes(located.posterior, located.minima, settings, unfinished / "chains.h5", progress)
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
+            unconverged = (reason for mode in modes for reason in mode.chains.reasons)
             result = IdentificationResult(
+                **{**vars(located), "warnings": (*located.warnings, *unconverged)},
                 campaign=campaign,
                 configuration=configuration,
-                calibrations=located.calibrations,
-                problem=posterior.main,
-                searched=searched,
-                search=located.search,
-                weights=search_weights(searched, settings),
-                minima=located.minima,
                 modes=modes,
                 references=groups,
                 seconds={**timer.seconds, **seconds, "total": timer.total},
-                warnings=(*located.warnings, *(reason for mode in modes for reason in mode.chains.reasons)),
             )
             progress("write", 0, 1, "result and report")
             tree = assemble(result)

@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
-from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.settings import Settings, free_space
 from mofit.models import Model
@@ -61,16 +58,9 @@ class ProblemSetup:
         """What is refined and sampled: every parameter free, calibrations as priors (with ``joint``, as data)."""
         joint, prior = self.settings.joint, FLAT
         if self.calibrations and not joint:
-            names = tuple(name for calibration in self.calibrations for name in calibration.problem.space.names)
-            prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations], names)
-        main = build_problem(
-            self.model,
-            self.campaign,
-            space=self.space,
-            fixed=self.settings.fixed,
-            prior=prior,
-            jobs=self.settings.jobs,
-        )
+            prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations])
+        jobs, fixed = self.settings.jobs, self.settings.fixed
+        main = build_problem(self.model, self.campaign, space=self.space, fixed=fixed, prior=prior, jobs=jobs)
         if joint and self.calibrations:
             return JointProblem(main, tuple(calibration.problem for calibration in self.calibrations))
         return main
@@ -119,13 +109,3 @@ def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) ->
             "Choose another model or campaign",
         )
     return chosen
-
-
-def search_weights(problem: Problem, settings: Settings) -> FloatArray:
-    """Weight of every test in the search, shape (tests,)."""
-    raise_errors(
-        Issue("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
-        for name in settings.weights
-        if name not in problem.tests
-    )
-    return np.array([settings.weights.get(name, 1.0) for name in problem.tests])

@@ -7,39 +7,22 @@ from dataclasses import replace
 
 import xarray as xr
 
-from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
 from mofit.identification.problem_setup import set_up_problem
-from mofit.identification.result import LocalFit
+from mofit.identification.result import LocalFit, Located
 from mofit.identification.result_tree.comparison import baseline_groups, per_frequency
 from mofit.identification.settings import Settings
-from mofit.identification.stages import fit, refined
+from mofit.identification.stages import fit, refined, starts_of
 from mofit.models import Model, find_model
-from mofit.problem import Problem, adjusted_posterior
+from mofit.problem import adjusted_posterior
 from mofit.runtime.log import StageTimer
 
 
 def fit_references(
-    searched: Problem,
-    starts: FloatArray,
-    model: Model,
-    campaign: Campaign,
-    calibrations: Sequence[Calibration],
-    settings: Settings,
+    located: Located, model: Model, campaign: Campaign, settings: Settings
 ) -> tuple[dict[str, xr.Dataset], dict[str, float]]:
-    """Fit each test alone and the baseline model.
-
-    Parameters
-    ----------
-    searched
-        The problem, with what is fixed at its best values for all tests together.
-    starts
-        Points from which each test is refined.
-    model, campaign, calibrations
-        As for the model itself; the campaign whole.
-    settings
-        Settings of the identification.
+    """Fit each test alone and the baseline model, after `locate_minima` of the same model, campaign and settings.
 
     Returns
     -------
@@ -50,19 +33,22 @@ def fit_references(
     """
     timer = StageTimer()
     with timer.measure("per_frequency"):
-        groups = {"/per_frequency": per_frequency(searched.space, _each_alone(searched, starts))}
+        groups = {"/per_frequency": per_frequency(located.searched.space, _each_alone(located))}
     if model.baseline is not None:
         with timer.measure("baseline"):
-            best = _baseline(find_model(model.baseline), campaign, searched.tests, calibrations, settings)
-            groups |= baseline_groups(best)
+            tests, done = located.searched.tests, located.calibrations
+            groups |= baseline_groups(_baseline(find_model(model.baseline), campaign, tests, done, settings))
     return groups, timer.seconds
 
 
-def _each_alone(searched: Problem, starts: FloatArray) -> dict[str, LocalFit]:
+def _each_alone(located: Located) -> dict[str, LocalFit]:
     """Every test alone, as in the paper's Table 4: refined from the minima that the search found for any test.
 
     A single sine hardly informs some parameters, so the fixed ones take their estimates from all tests.
     """
+    space = located.posterior.space
+    best = dict(zip(space.names, space.from_unit(located.minima[0].point), strict=True))
+    searched, starts = located.searched.with_fixed(best), starts_of(located.search)
     fits = {}
     for test in searched.tests:
         problem, minima = refined(searched.select([test]), starts)

@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
 from mofit.optimize import Minimum, Profile, SearchResult
-from mofit.problem import AdjustedPosterior, Problem
+from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem
 from mofit.sampling import Chains, Evidence
 
 
@@ -57,43 +57,60 @@ class LocalFit:
 
 
 @dataclass(frozen=True)
-class IdentificationResult:
+class Located:
+    """What the stages before the sampling found.
+
+    Parameters
+    ----------
+    calibrations
+        The stages before the main identification.
+    searched
+        What was searched, calibrated parameters fixed at their estimates; its noise as at the best minimum.
+    search, weights
+        The search's points, and the weight of each test in it.
+    posterior
+        What was refined and is sampled; its noise likewise.
+    minima
+        All refined minima, best first.
+    warnings
+        To the reader.
+    """
+
+    calibrations: tuple[Calibration, ...]
+    searched: Problem
+    search: SearchResult
+    weights: FloatArray
+    posterior: CampaignPosterior
+    minima: tuple[Minimum, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def problem(self) -> Problem:
+        """The tests of the main identification."""
+        return self.posterior.main
+
+
+@dataclass(frozen=True)
+class IdentificationResult(Located):
     """The content of the result tree.
 
     Parameters
     ----------
     campaign, configuration
         What went in.
-    calibrations
-        The stages before the main identification.
-    problem
-        What was refined and sampled.
-    searched
-        The problem that was searched: calibrated parameters fixed at their estimates.
-    search, weights
-        The search's points, and the weight of each test in it.
-    minima
-        All refined minima, best first.
     modes
-        The plausible ones, sampled; most probable first.
+        The plausible minima, sampled; most probable first.
     references
         Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`.
-    seconds, warnings
-        Seconds per stage, and warnings to the reader.
+    seconds
+        Per stage.
     """
 
     campaign: Campaign
     configuration: Mapping[str, Any]
-    calibrations: tuple[Calibration, ...]
-    problem: Problem
-    searched: Problem
-    search: SearchResult
-    weights: FloatArray
-    minima: tuple[Minimum, ...]
     modes: tuple[PosteriorMode, ...]
     references: Mapping[str, xr.Dataset]
     seconds: Mapping[str, float]
-    warnings: tuple[str, ...]
 
     @property
     def converged(self) -> bool:

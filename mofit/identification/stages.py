@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -13,14 +12,14 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.errors import InputError
-from mofit.identification.calibration import Calibration
-from mofit.identification.global_search import search
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
-from mofit.identification.result import LocalFit, PosteriorMode
+from mofit.identification.result import LocalFit, Located, PosteriorMode
+from mofit.identification.search_registry import find_search
 from mofit.identification.settings import Settings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, SearchResult, merge, profile, refine
+from mofit.optimize import Progress as SearchProgress
 from mofit.problem import CampaignPosterior, Problem, adjusted_posterior
 from mofit.runtime.log import StageTimer
 from mofit.runtime.progress import Progress, silent
@@ -43,32 +42,6 @@ LEAST_PROBABILITY = 1e-6
 NEIGHBOURHOOD = 0.01
 
 
-@dataclass(frozen=True)
-class Located:
-    """What the stages before the sampling found.
-
-    Parameters
-    ----------
-    calibrations, warnings
-        The fitted stages, and a sentence per stage that had no tests.
-    searched
-        What was searched, its noise estimated at the best minimum.
-    search
-        The search's points.
-    posterior
-        What was refined and is sampled, noise estimated likewise.
-    minima
-        Its minima, best first.
-    """
-
-    calibrations: tuple[Calibration, ...]
-    warnings: tuple[str, ...]
-    searched: Problem
-    search: SearchResult
-    posterior: CampaignPosterior
-    minima: tuple[Minimum, ...]
-
-
 def locate_minima(
     campaign: Campaign,
     model: Model,
@@ -79,22 +52,19 @@ def locate_minima(
     progress: Progress = silent,
 ) -> Located:
     """Calibrate, search and refine; see `mofit.identification.identify` for the parameters."""
-
-    def measured(stage: str) -> AbstractContextManager[None]:
-        return timer.measure(stage) if timer else nullcontext()
-
-    with measured("calibrate"):
+    timer = timer or StageTimer()
+    with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
-    with measured("prepare"):
+    with timer.measure("prepare"):
         searched, posterior = setup.searched, setup.posterior
-    with measured("search"):
-        found = search(searched, settings, partial(_relay, progress, "search"))
-    with measured("refine"):
+    with timer.measure("search"):
+        found, weights = search(searched, settings, partial(progress, "search"))
+    with timer.measure("refine"):
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, starts_of(found))
         posterior, minima = _with_calibrated_free(posterior, searched, rough)
-    return Located(setup.calibrations, setup.warnings, searched, found, posterior, minima)
+    return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
 
 
 def find_modes(
@@ -105,10 +75,30 @@ def find_modes(
     return sample_modes(located.posterior, located.minima, settings)
 
 
+def search(
+    problem: Problem, settings: Settings, progress: SearchProgress | None = None
+) -> tuple[SearchResult, FloatArray]:
+    """Search the box of the free parameters, all tests at once; also the weight of every test, shape (tests,).
+
+    Raises
+    ------
+    InputError
+        If there is no search or no test of a name in the settings, or if every start fails.
+    """
+    raise_errors(
+        Issue("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
+        for name in settings.weights
+        if name not in problem.tests
+    )
+    weights = np.array([settings.weights.get(name, 1.0) for name in problem.tests])
+    run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
+    return run(problem.objectives, problem.gradients, len(problem.space), rng, None, weights, progress), weights
+
+
 def fit(setup: ProblemSetup) -> LocalFit:
     """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
-    problem = setup.searched
-    return LocalFit(*refined(problem, starts_of(search(problem, setup.settings))))
+    found, _ = search(setup.searched, setup.settings)
+    return LocalFit(*refined(setup.searched, starts_of(found)))
 
 
 def starts_of(found: SearchResult) -> FloatArray:
@@ -188,7 +178,7 @@ def sample_modes(
             settings.sampling,
             backend_path=path,
             mode=name,
-            progress=partial(_relay, progress, f"sample mode {index + 1} of {len(located)}"),
+            progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
         )
         evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
         profiles = profile(adjusted, minimum.point, sd)
@@ -206,7 +196,3 @@ def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Mini
 
 def _log_evidence(minimum: Minimum) -> float:
     return laplace_log_evidence(minimum.value, minimum.hessian, minimum.point, minimum.gradient)
-
-
-def _relay(progress: Progress, stage: str, done: float, total: float, note: str) -> None:
-    progress(stage, done, total, note)

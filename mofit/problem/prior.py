@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mofit._typing import FloatArray
 
@@ -52,13 +54,8 @@ class GaussianPrior:
 FLAT = GaussianPrior((), np.empty(0), np.empty((0, 0)))
 
 
-def join_priors(priors: list[GaussianPrior], names: tuple[str, ...]) -> GaussianPrior:
-    """One prior over ``names`` from independent priors over disjoint subsets."""
-    mean = np.full(len(names), 0.5)
-    precision = np.zeros((len(names), len(names)))
-    for prior in priors:
-        wide = prior.over(names)
-        index = [names.index(name) for name in prior.names]
-        mean[index] = wide.mean[index]
-        precision += wide.precision
-    return GaussianPrior(names, mean, precision)
+def join_priors(priors: Sequence[GaussianPrior]) -> GaussianPrior:
+    """One prior from independent ones over different parameters."""
+    names = tuple(name for prior in priors for name in prior.names)
+    mean = np.concatenate([prior.mean for prior in priors])
+    return GaussianPrior(names, mean, block_diag(*[prior.precision for prior in priors]))

@@ -113,7 +113,7 @@ def test_perfect_data_stay_finite():
 def test_priors_join_and_spread():
     first = GaussianPrior(("b",), np.array([0.2]), np.array([[4.0]]))
     second = GaussianPrior(("c", "a"), np.array([0.3, 0.9]), np.array([[2.0, 1.0], [1.0, 3.0]]))
-    joined = join_priors([first, second], ("a", "b", "c"))
+    joined = join_priors([first, second])
     wide = joined.over(("c", "b", "a", "free"))
     mean, precision = wide.mean, wide.precision
     assert mean[:3] == pytest.approx([0.3, 0.2, 0.9])
