@@ -43,27 +43,25 @@ class AdjustedPosterior:
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
-        result = np.full(len(u), -np.inf)
-        inside = np.all((u >= 0) & (u <= 1), axis=1)
-        if inside.any():
-            points = u[inside]
+
+        def likelihood(points: FloatArray) -> FloatArray:
             change = self.problem.squares(self.adjustment.mapped(points)) - self.squares
-            value = self.offset + self.adjustment.value(change, points) + self.problem.prior_density.value(points)
-            result[inside] = np.where(np.isfinite(value), -value, -np.inf)
-        return result
+            return self.offset + self.adjustment.value(change, points)
+
+        return self.problem.prior_density.log_posterior(u, likelihood)
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
-        a = self.adjustment
+        a, prior = self.adjustment, self.problem.prior_density
         squares, slope, curvature = self.problem.squares_terms(a.mapped(u))
         change = squares - self.squares
         shape = a.slope(change, u)[:, None]
         gradient = shape * (a.scale * slope @ a.map + 2 * a.linear)
         hessian = a.scale * shape[:, :, None] * np.einsum("ji,njk,kl->nil", a.map, curvature, a.map)
         return (
-            self.offset + a.value(change, u) + self.problem.prior_density.value(u),
-            gradient + self.problem.prior_density.gradient(u),
-            hessian + self.problem.prior_density.precision,
+            self.offset + a.value(change, u) + prior.value(u),
+            gradient + prior.gradient(u),
+            hessian + prior.precision,
         )
 
     def local(self, point: FloatArray, sd: FloatArray) -> AdjustedPosterior:
@@ -92,6 +90,6 @@ class AdjustedPosterior:
 def adjusted_posterior(problem: CampaignPosterior, point: FloatArray, *, with_gap: bool = True) -> AdjustedPosterior:
     """The posterior around a minimum (d,), adjusted to noise and gap, or to noise alone."""
     score = problem.score(point)
-    offset = -float(problem.log_posterior(point[None])[0]) - float(problem.prior_density.value(point[None])[0])
-    squares = float(problem.squares(point[None])[0])
-    return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, squares, score)
+    here = point[None]
+    offset = -float(problem.log_posterior(here)[0]) - float(problem.prior_density.value(here)[0])
+    return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, float(problem.squares(here)[0]), score)

@@ -22,7 +22,8 @@ Dowson & Landau, "The Fréchet distance between multivariate normal distribution
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True)
 class Score:
-    """What every test says at a point: weighted curvature N, covariance of the weighted slope J, slope g.
+    """Gradient, curvature and covariance of the gradient (J) of every test at a point.
 
     Parameters
     ----------
@@ -68,27 +69,20 @@ class Score:
         def matrices(own: FloatArray) -> FloatArray:
             return np.asarray(place.T @ own @ place)
 
-        return Score(
-            self.slope @ place, matrices(self.normal), matrices(self.noise), matrices(self.gap),
-            self.freedom, self.gap_freedom, self.gap_squares,
-        )  # fmt: skip
+        return replace(
+            self,
+            slope=self.slope @ place,
+            normal=matrices(self.normal),
+            noise=matrices(self.noise),
+            gap=matrices(self.gap),
+        )
 
 
 def join_scores(scores: list[Score]) -> Score:
     """All tests of several problems; freedom and size of the gap are the first one's."""
-
-    def together(name: str) -> FloatArray:
-        return np.concatenate([getattr(score, name) for score in scores])
-
-    return Score(
-        slope=together("slope"),
-        normal=together("normal"),
-        noise=together("noise"),
-        gap=together("gap"),
-        freedom=together("freedom"),
-        gap_freedom=scores[0].gap_freedom,
-        gap_squares=scores[0].gap_squares,
-    )
+    per_test = ("slope", "normal", "noise", "gap", "freedom")
+    together: dict[str, Any] = {name: np.concatenate([getattr(score, name) for score in scores]) for name in per_test}
+    return replace(scores[0], **together)
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,6 @@ class JointProblem:
         return self.main.space
 
     @property
-    def tests(self) -> tuple[str, ...]:
-        """Tests of the main problem, then those of the companions."""
-        return self.main.tests + tuple(test for companion in self.companions for test in companion.tests)
-
-    @property
     def prior_density(self) -> GaussianPrior:
         """The main problem's prior."""
         return self.main.prior_density
@@ -58,12 +53,6 @@ class JointProblem:
     def local(self, point: FloatArray, sd: FloatArray) -> JointProblem:
         """The same, the main problem quick to simulate around a point; see `Problem.local`."""
         return replace(self, main=self.main.local(point, sd))
-
-    def objectives(self, u: FloatArray) -> FloatArray:
-        """NRMSD per test, shape (N, tests)."""
-        parts = [self.main.objectives(u)]
-        parts += [companion.objectives(self._mapped(companion, u)[0]) for companion in self.companions]
-        return np.concatenate(parts, axis=1)
 
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of squares of all tests, shape (N,)."""

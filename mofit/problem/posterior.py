@@ -40,15 +40,8 @@ class CampaignPosterior(Posterior, Protocol):
         """The tests of the main identification, which results and reports show."""
 
     @property
-    def tests(self) -> tuple[str, ...]:
-        """Names of all tests."""
-
-    @property
     def prior_density(self) -> GaussianPrior:
         """The Gaussian prior over all free parameters; flat where nothing is known."""
-
-    def objectives(self, u: FloatArray) -> FloatArray:
-        """NRMSD per test, shape (N, tests); nan where a simulation fails."""
 
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of squares of all tests, shape (N,)."""

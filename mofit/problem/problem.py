@@ -39,25 +39,22 @@ REACH = 12.0
 
 @dataclass(frozen=True)
 class Problem:
-    """Search, refinement, sampling and diagnosis all read this.
+    """A model and its tests over the unit cube of the free parameters; points ``u`` have shape (N, d).
 
-    Points are given in the unit cube of ``space``, batched: ``u`` has shape (N, d). A point outside the cube or whose
-    simulation fails has objective nan and log posterior -inf.
+    A point outside the cube or whose simulation fails has objective nan and log posterior -inf.
 
     Attributes
     ----------
     model, system
         The model and its vector form.
-    measurements, records
-        The tests used, and what their signals say (period, transient, noise).
-    space
-        The free parameters.
-    fixed
-        Values of the others.
+    measurements, signals
+        The tests used, and their periods, transients and noise.
+    layout
+        Which parameters are free, and the values of the others.
     simulator
-        The compiled model, driven by the tests.
-    drives
-        The tests as the kernel sees them.
+        The compiled model with the tests.
+    experiments
+        The tests as the simulator takes them.
     noise
         Counted and independent residuals per test.
     prior
@@ -89,6 +86,11 @@ class Problem:
         """Names of the tests: one objective each."""
         return tuple(measurement.name for measurement in self.measurements)
 
+    @property
+    def periods(self) -> list[float | None]:
+        """Period of every test in s, None where it has none."""
+        return [analysis.period for analysis in self.signals]
+
     @cached_property
     def prior_density(self) -> GaussianPrior:
         """The prior over all free parameters."""
@@ -101,8 +103,7 @@ class Problem:
 
     def sums(self, u: FloatArray) -> TestSums:
         """Cost, gradient and Gauss-Newton matrix per test, in unit coordinates."""
-        values = self.layout.full(u)
-        cost, gradient, normal = self.simulator.gauss_newton(values)
+        cost, gradient, normal = self.simulator.gauss_newton(self.layout.full(u))
         slope = self.space.derivative(self.space.from_unit(u))
         return TestSums(
             cost=cost,
@@ -126,15 +127,11 @@ class Problem:
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
-        result = np.full(len(u), -np.inf)
-        inside = np.all((u >= 0) & (u <= 1), axis=1)
-        if not inside.any():
-            return result
-        points = u[inside]
-        value = negative_log_likelihood(self.simulator.cost(self.layout.full(points)), self.noise)
-        value += self.prior_density.value(points)
-        result[inside] = np.where(np.isfinite(value), -value, -np.inf)
-        return result
+
+        def likelihood(points: FloatArray) -> FloatArray:
+            return negative_log_likelihood(self.simulator.cost(self.layout.full(points)), self.noise)
+
+        return self.prior_density.log_posterior(u, likelihood)
 
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of all tests' squares, shape (N,), as the likelihood sees them."""
@@ -156,8 +153,8 @@ class Problem:
             (output[0], slopes[0] * derivative)
             for output, slopes in self.simulator.sensitivities(self.layout.full(point[None]))
         ]
-        periods = [analysis.period for analysis in self.signals]
-        return score_covariance(self.sums(point[None]), self.noise.weights, self.experiments, periods, responses)
+        sums = self.sums(point[None])
+        return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses)
 
     def simulate(self, u: FloatArray) -> list[FloatArray]:
         """Simulated outputs per test, shape (N, samples, outputs)."""
@@ -186,8 +183,7 @@ class Problem:
         The number of integration steps need not cover the stiffest corner of the whole box then.
         """
         reach = REACH * sd
-        corners = np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0)
-        box = self.layout.box(corners)
+        box = self.layout.box(np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0))
         tolerance = float(np.clip(NOISE_SHARE * np.sqrt(self.noise.variance.min()), TIGHTEST, TOLERANCE))
         return replace(self, simulator=self.simulator.within(box, tolerance))
 
@@ -197,20 +193,18 @@ class Problem:
         Good for standard deviations (d,) around it; see `mofit.problem.local_model`.
         """
         values = self.layout.full(star(point, sd))
-        periods = [analysis.period for analysis in self.signals]
-        simulator, experiments = fold_periods(self.simulator, self.experiments, periods, values)
+        simulator, experiments = fold_periods(self.simulator, self.experiments, self.periods, values)
         simulator, experiments = coarse_steps(simulator, experiments, values)
         return replace(self, simulator=simulator, experiments=experiments)
 
     def select(self, tests: Sequence[str]) -> Problem:
         """The same problem on some of its tests."""
         index = [self.tests.index(name) for name in tests]
-        experiments = tuple(self.experiments[i] for i in index)
         return replace(
             self,
             measurements=tuple(self.measurements[i] for i in index),
             signals=tuple(self.signals[i] for i in index),
-            experiments=experiments,
+            experiments=tuple(self.experiments[i] for i in index),
             simulator=self.simulator.select(index),
             noise=self.noise.select(index),
         )
@@ -260,28 +254,17 @@ def build_problem(
         for measurement, analysis in zip(campaign.measurements, signals, strict=True)
     )
     count = np.array([np.count_nonzero(experiment.weights) for experiment in experiments], dtype=float)
-    floor = np.array([_floor(analysis, model) for analysis in signals])
-    simulator = Simulator(
-        system,
-        experiments,
-        layout.space.names,
-        jobs=jobs,
-        tolerance=TOLERANCE,
-        box=layout.box(),
-    )
+    # of all outputs together
+    floors = [[analysis.noise_floor.get(c.name, 0.0) for c in model.outputs] for analysis in signals]
+    floor = np.sqrt(np.mean(np.square(floors), axis=1))
     return Problem(
         model=model,
         system=system,
         measurements=tuple(campaign.measurements),
         signals=signals,
         layout=layout,
-        simulator=simulator,
+        simulator=Simulator(system, experiments, layout.space.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box()),
         experiments=experiments,
         noise=Noise(count, floor, count.copy()),
         prior=prior,
     )
-
-
-def _floor(analysis: SignalAnalysis, model: Model) -> float:
-    """NRMSD of the noise of all outputs together."""
-    return float(np.sqrt(np.mean([analysis.noise_floor.get(c.name, 0.0) ** 2 for c in model.outputs])))

@@ -1,4 +1,4 @@
-"""How much the slope of the likelihood scatters at a minimum: by noise, and by what the model misses."""
+"""Covariance of the likelihood's gradient at a minimum: by noise, and by what the model misses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mofit.problem.curvature_adjustment import Score
 from mofit.problem.likelihood import TestSums
 from mofit.simulation import ExperimentData
 
-#: A gap is one if the lines that repeat stand out of the noise so clearly that chance does it this rarely.
+#: Largest p-value at which lines that repeat count as a gap rather than noise.
 _CHANCE = 0.01
 
 
@@ -37,15 +37,13 @@ def score_covariance(
     responses
         Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d).
     """
-    processes, columns = [], []
-    for experiment, period, (output, slopes) in zip(experiments, periods, responses, strict=True):
-        found, scaled = _residual_noise(experiment, period, output, slopes)
-        processes.append(found)
-        columns.append(scaled)
-    excess, gap_freedom = _gap([process for found in processes for process in found], sums.gradient.shape[-1])
+    tests = [
+        _residual_noise(experiment, period, *response)
+        for experiment, period, response in zip(experiments, periods, responses, strict=True)
+    ]
+    excess, gap_freedom = _gap([process for pairs in tests for process, _ in pairs], sums.gradient.shape[-1])
     noise, gap, freedom = [], [], []
-    for found, scaled in zip(processes, columns, strict=True):
-        pairs = list(zip(found, scaled, strict=True))
+    for pairs in tests:
         noise.append(sum(process.score_covariance(own) for process, own in pairs))
         gap.append(sum(process.score_covariance(own, _on_lines(process, excess)) for process, own in pairs))
         freedom.append(sum(process.effective_degrees_of_freedom(own) for process, own in pairs))
@@ -62,18 +60,17 @@ def score_covariance(
 
 def _residual_noise(
     experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
-) -> tuple[list[NoiseProcess], list[FloatArray]]:
+) -> list[tuple[NoiseProcess, FloatArray]]:
     """Noise of every output of a test and its sensitivities (n, d), relative to its range, over the samples used."""
-    processes, columns = [], []
+    pairs = []
     for i in range(output.shape[1]):
         used = experiment.weights[:, i] > 0
         scale = np.sqrt(experiment.weights[used, i])
         simulated = output[used, i] * scale
         residual = experiment.measured[used, i] * scale - simulated
         time = np.asarray(experiment.step * np.flatnonzero(used))
-        processes.append(noise_process(residual, simulated, time, period))
-        columns.append(slopes[used, i] * scale[:, None])
-    return processes, columns
+        pairs.append((noise_process(residual, simulated, time, period), slopes[used, i] * scale[:, None]))
+    return pairs
 
 
 def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, float], float]:
@@ -83,15 +80,15 @@ def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, f
     one degree of freedom per parameter out of the two that each fundamental has.
     """
     lined = [process for process in processes if len(process.harmonics)]
-    pairs = [
+    lines = [
         np.stack(
             [4 / p.count * p.harmonic_power, 4 / p.count * p.spectrum[p.harmonics], p.degrees_of_freedom[p.harmonics]],
             axis=1,
         )
         for p in lined
     ]
-    first = np.array([pair[0] for pair in pairs]).reshape(-1, 3)
-    higher = np.concatenate([pair[1:] for pair in pairs] or [np.empty((0, 3))])
+    first = np.array([own[0] for own in lines]).reshape(-1, 3)
+    higher = np.concatenate([np.empty((0, 3)), *[own[1:] for own in lines]])
     freedom = float(max(2 * len(first) - parameters, 0))
     return (_excess(first, freedom), _excess(higher, 2.0 * len(higher))), max(freedom, 1.0)
 

@@ -146,7 +146,6 @@ def test_joint_posterior_adds_up(campaign, problem):
     assert joint.log_posterior(u) == pytest.approx(
         problem.log_posterior(u) + gain.log_posterior(gain.space.to_unit(k)), rel=1e-12
     )
-    assert joint.objectives(u).shape == (2, 3)
     value, gradient, hessian = joint.evaluate(u)
     assert value == pytest.approx(-joint.log_posterior(u), rel=1e-12)
     for i in range(2):
