@@ -50,14 +50,14 @@ def compare(
         Page to write.
     """
     from mofit.cli.output import progress_bar, show_comparison
-    from mofit.design.compare_job import CompareJob, compare_files
+    from mofit.design.comparison import compare_files
     from mofit.design.prepare import Inputs
     from mofit.design.summary import comparison_summary
     from mofit.design.text import augmentation_sentences
 
     inputs = Inputs(files, model, effect, by_name("--at", at), run, samples, seed, cores(jobs))
     with progress_bar() as progress:
-        found = compare_files(CompareJob(inputs, parameter, tests_by_name("--group", group), posterior), progress)
+        found = compare_files(inputs, parameter, tests_by_name("--group", group), posterior, progress)
     summary = comparison_summary(found)
     if out is not None:
         from mofit.design.pages.comparison import write_comparison

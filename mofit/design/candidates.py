@@ -20,24 +20,16 @@ from mofit.simulation.virtual_rig.setup import set_up
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A test that could be run.
-
-    Parameters
-    ----------
-    plan
-        As in a plan file.
-    experiment
-        Its signals.
-    seconds
-        Its duration and the rig's overhead [s].
-    infeasible
-        The limit that it violates; empty if none.
-    """
+    """A test that could be run."""
 
     plan: TestPlan
+    """As in a plan file."""
     experiment: Experiment
+    """Its signals."""
     seconds: float
+    """Its duration and the rig's overhead [s]."""
     infeasible: str = ""
+    """The limit that it violates; empty if none."""
 
     @property
     def name(self) -> str:

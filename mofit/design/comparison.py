@@ -1,12 +1,20 @@
-"""Experiments compared: expected standard deviation and identifiability of each parameter, information of each test."""
+"""What ``mofit compare`` does: expected uncertainty and identifiability of parameters, information of tests."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from mofit.design.comparison_result import Comparison, ExperimentResult, InformationShare, ParameterResult
+from mofit.design.augmentation import cheapest_augmentation
+from mofit.design.comparison_result import (
+    Comparison,
+    ExperimentResult,
+    ExperimentSet,
+    InformationShare,
+    ParameterResult,
+)
 from mofit.design.expected_profiles import (
     INTERVAL_WIDTH,
     ExpectedData,
@@ -29,16 +37,69 @@ from mofit.design.identifiability import (
     relative_size,
 )
 from mofit.design.information import SourceInformation
-from mofit.design.planned_tests import ExperimentSet
+from mofit.design.prepare import Inputs, prepare
+from mofit.design.simulated_identification import simulated_campaign, simulated_estimates
 from mofit.design.sources import Source
 from mofit.design.text import share_sentence, verdict_sentence
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.identification.settings import Settings
 from mofit.runtime.progress import Progress, silent
 
 #: Name of the experiment of all tests of a file.
 ALL = "all"
 #: Duration that experiments of different lengths are compared at [s].
 _MINUTE = 60
+
+
+def compare_files(
+    inputs: Inputs,
+    required: Sequence[str] = (),
+    groups: Mapping[str, Sequence[str]] | None = None,
+    posterior: int = 0,
+    progress: Progress = silent,
+) -> Comparison:
+    """Read and compare; look for the cheapest augmentation for required parameters that are not identifiable.
+
+    Parameters
+    ----------
+    inputs
+        Files and options.
+    required
+        Parameters to be shown and identified; by default those that no calibration stage estimates are shown.
+    groups
+        Experiments by name, and the tests of each; see `experiments_of`.
+    posterior
+        Of so many experiments, the best first, simulated data are identified.
+    progress
+        Reports what is being done.
+
+    Raises
+    ------
+    InputError
+        With what is wrong with files and options.
+    """
+    groups = groups or {}
+    progress("read", 0, len(inputs.files), "")
+    named = tuple(dict.fromkeys(test for tests in groups.values() for test in tests))
+    prepared = prepare(inputs, named)
+    experiments = experiments_of([each.source for each in prepared], groups)
+    sources = [each.information() for each in prepared]
+    found = compare(sources, experiments, required, jobs=inputs.jobs, progress=progress)
+    augmentations = {}
+    for name in found.not_identifiable:
+        best = found.best(name).experiment
+        augmentations[name] = cheapest_augmentation(sources[best.source], best.tests, name, inputs.jobs)
+    ranked = sorted(
+        found.experiments,
+        key=lambda row: float(np.mean([np.log(own.relative_sd) for own in row.parameters.values()])),
+    )
+    simulated, settings = {}, Settings(seed=inputs.seed, jobs=inputs.jobs)
+    for number, row in enumerate(ranked[:posterior]):
+        name, tests, known = row.experiment.name, row.experiment.tests, sources[row.experiment.source]
+        progress("posterior", number, posterior, name)
+        campaign = simulated_campaign(known, tests, inputs.seed)
+        simulated[name] = simulated_estimates(campaign, known.source.model, tests, settings, found.parameters)
+    return replace(found, augmentations=augmentations, simulated=simulated)
 
 
 def experiments_of(sources: Sequence[Source], groups: Mapping[str, Sequence[str]]) -> tuple[ExperimentSet, ...]:
@@ -82,20 +143,7 @@ def compare(
     jobs: int = 1,
     progress: Progress = silent,
 ) -> Comparison:
-    """Compare experiments.
-
-    Parameters
-    ----------
-    sources
-        Information of the tests of every file; profiles are traced at the first parameter sample.
-    experiments
-        What is compared.
-    required
-        Parameters to be shown; by default those that no calibration stage estimates.
-    jobs
-        Threads; results do not depend on it.
-    progress
-        Reports what is being done.
+    """Compare experiments, with profiles at the first parameter sample; see `compare_files`.
 
     Raises
     ------

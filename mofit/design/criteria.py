@@ -64,21 +64,14 @@ def over_samples(values: FloatArray, aggregate: str) -> FloatArray:
 
 @dataclass(frozen=True)
 class Criterion:
-    """A criterion for learning parameters.
-
-    Parameters
-    ----------
-    name
-        One of `CRITERIA`.
-    weights
-        Chosen parameters, shape (k, d): unit rows for D, A and E; one row of weights of relative changes for c.
-    aggregate
-        Over the parameter samples: ``mean`` of the logarithm, or the ``worst``.
-    """
+    """A criterion for learning parameters."""
 
     name: str
+    """One of `CRITERIA`."""
     weights: FloatArray
+    """Chosen parameters, shape (k, d): unit rows for D, A and E; one row of weights of relative changes for c."""
     aggregate: str = "mean"
+    """Over the parameter samples: ``mean`` of the logarithm, or the ``worst``."""
     #: Whether larger shown values are better.
     larger_is_better: ClassVar[bool] = False
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from mofit.data import Experiment
 from mofit.design.candidate_space import CandidateGrid, Limits, Space
-from mofit.design.rig_limits import RigLimits
+from mofit.design.rig_limits import demonstrated_limits, required_limits
+from mofit.models import Channel
 
 #: Display unit and factor from SI for what a rig drives; others stay in SI.
 _SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3)}
@@ -18,73 +20,61 @@ _SHOWN = {"rad": ("deg", 180 / math.pi), "m": ("mm", 1e3)}
 
 @dataclass(frozen=True)
 class DefaultSpaceSettings:
-    """Grids of the space.
-
-    Parameters
-    ----------
-    beyond
-        Frequencies reach so far beyond the known ones, each way: a model is rarely trusted further.
-    frequencies
-        Sine frequencies: neighbours differ by less than a parameter's optimum is wide.
-    amplitudes, durations
-        Shares of the largest amplitude, and of the time there is.
-    periods
-        Periods that a sine or multisine must have room for: one is transient, two are used.
-    samples_per_period
-        At the highest frequency, so that the interpolated input is still a sine.
-    unknown
-        Frequencies where the known tests have none [Hz].
-    """
+    """Grids of the space."""
 
     beyond: float = 2.5
+    """Frequencies reach so far beyond the known ones, each way: a model is rarely trusted further."""
     frequencies: int = 15
+    """Sine frequencies: neighbours differ by less than a parameter's optimum is wide."""
     amplitudes: tuple[float, ...] = (0.25, 0.5, 1.0)
     durations: tuple[float, ...] = (0.25, 0.5, 1.0)
+    """Shares of the largest amplitude, and of the time there is."""
     periods: int = 3
+    """Periods that a sine or multisine must have room for: one is transient, two are used."""
     samples_per_period: int = 20
+    """At the highest frequency, so that the interpolated input is still a sine."""
     unknown: tuple[float, float] = (0.1, 10.0)
+    """Frequencies where the known tests have none [Hz]."""
 
 
-_SETTINGS = DefaultSpaceSettings()
+SETTINGS = DefaultSpaceSettings()
 
 
 def default_space(
-    limits: RigLimits,
-    unit: str,
-    frequencies: Sequence[float],
+    experiments: Sequence[Experiment],
+    driven: Channel,
+    kinds: Collection[str],
     budget: float,
     overhead: float,
-    kinds: Sequence[str] = (),
-    settings: DefaultSpaceSettings = _SETTINGS,
+    *,
+    measured: bool = False,
 ) -> Space:
-    """Sines, chirps, multisines and steps within demonstrated limits.
+    """Tests of some kinds (sine, multisine, chirp, step) within what known tests demonstrate of the rig.
 
     Parameters
     ----------
-    limits
-        Largest amplitude, rate, acceleration and sampling rate of the known tests.
-    unit
-        SI unit of the driven input.
-    frequencies
-        Those of the known tests [Hz].
+    experiments, driven
+        The known tests that excite the driven input, and that input.
+    kinds
+        Kinds of tests to offer.
     budget, overhead
         Time there is, and time per test beside its duration [s].
-    kinds
-        Kinds of tests to offer; all where empty.
-    settings
-        Grids of the space.
+    measured
+        Whether the inputs are measured, hence noisy.
     """
+    limits = demonstrated_limits([required_limits(experiment, driven.name, measured) for experiment in experiments])
+    frequencies = [experiment.frequency for experiment in experiments if experiment.frequency] or SETTINGS.unknown
     time = max(budget - overhead, 1e-3)
-    low, high = min(frequencies, default=settings.unknown[0]), max(frequencies, default=settings.unknown[1])
-    low = max(low / settings.beyond, settings.periods / time)
-    high = min(high * settings.beyond, limits.sample_rate / settings.samples_per_period)
+    low = max(min(frequencies) / SETTINGS.beyond, SETTINGS.periods / time)
+    high = min(max(frequencies) * SETTINGS.beyond, limits.sample_rate / SETTINGS.samples_per_period)
     high = max(high, 2 * low)
-    name, factor = _SHOWN.get(unit, (unit, 1.0))
-    amplitudes = [f"{_short(share * limits.amplitude * factor)} {name}" for share in settings.amplitudes]
-    durations = [f"{_short(share * time)} s" for share in settings.durations]
-    rate = f"{_short(limits.rate * factor)} {name}/s"
+    unit, factor = _SHOWN.get(driven.unit, (driven.unit, 1.0))
+    largest, rate = f"{_short(limits.amplitude * factor)} {unit}", f"{_short(limits.rate * factor)} {unit}/s"
+    acceleration = f"{_short(limits.acceleration * factor)} {unit}/s^2" if math.isfinite(limits.acceleration) else None
+    amplitudes = [f"{_short(share * limits.amplitude * factor)} {unit}" for share in SETTINGS.amplitudes]
+    durations = [f"{_short(share * time)} s" for share in SETTINGS.durations]
     grids: list[dict[str, Any]] = [
-        {"kind": "sine", "frequency": _hertz(np.geomspace(low, high, settings.frequencies))},
+        {"kind": "sine", "frequency": _hertz(np.geomspace(low, high, SETTINGS.frequencies))},
         {
             "kind": "multisine",
             "frequency": _hertz(np.geomspace(low, max(high / 9, low), 4)),
@@ -96,16 +86,8 @@ def default_space(
     common = {"sample_rate": f"{_short(limits.sample_rate)} Hz", "amplitude": amplitudes, "duration": durations}
     return Space(
         overhead=f"{_short(overhead)} s",
-        limits=Limits(
-            amplitude=f"{_short(limits.amplitude * factor)} {name}",
-            rate=rate,
-            acceleration=(
-                f"{_short(limits.acceleration * factor)} {name}/s^2" if math.isfinite(limits.acceleration) else None
-            ),
-        ),
-        tests=tuple(
-            CandidateGrid.model_validate({**common, **grid}) for grid in grids if not kinds or grid["kind"] in kinds
-        ),
+        limits=Limits(amplitude=largest, rate=rate, acceleration=acceleration),
+        tests=tuple(CandidateGrid.model_validate({**common, **grid}) for grid in grids if grid["kind"] in kinds),
     )
 
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mofit.data import Campaign
 from mofit.design.candidate_space import Space, read_space
 from mofit.design.candidates import candidates
-from mofit.design.criteria import parameter_criterion
+from mofit.design.criteria import Criterion, parameter_criterion
 from mofit.design.default_space import default_space
-from mofit.design.discrimination import discrimination
+from mofit.design.discrimination import Discrimination, discrimination
 from mofit.design.optimal_design import Design, DesignEvaluation, optimal_design
 from mofit.design.prepare import Inputs, Prepared, prepare
 from mofit.design.rig_limits import declared_limits, driven_input
@@ -24,39 +25,26 @@ from mofit.units import Quantity, parse_quantity
 
 @dataclass(frozen=True)
 class DesignJob:
-    """A design as a user asks for it.
-
-    Parameters
-    ----------
-    inputs
-        One file (the tests that there are or will be anyway) and options.
-    space
-        Space file; without one, tests like those of the file, within what they demonstrate of the rig.
-    parameters
-        Those to be learnt; by default all that no calibration stage estimates.
-    criterion
-        ``c``, ``D``, ``A`` or ``E``; by default c for one parameter or a combination, else D.
-    combination
-        Weights of relative changes, for c.
-    discriminate
-        Effects to be discriminated (one: from none), instead of parameters to be learnt; names as for ``effects``.
-    budget
-        Time there is; by default that of the longest test of the file.
-    robust
-        ``mean`` or ``worst`` over the parameter samples.
-    ignore_existing
-        Whether to start from the calibration stages alone.
-    """
+    """A design as a user asks for it."""
 
     inputs: Inputs
+    """One file (the tests that there are or will be anyway) and options."""
     space: Path | None = None
+    """Space file; without one, tests like those of the file, within what they demonstrate of the rig."""
     parameters: tuple[str, ...] = ()
+    """Those to be learnt; by default all that no calibration stage estimates."""
     criterion: str | None = None
+    """``c``, ``D``, ``A`` or ``E``; by default c for one parameter or a combination, else D."""
     combination: Mapping[str, float] = field(default_factory=dict)
+    """Weights of relative changes, for c."""
     discriminate: tuple[str, ...] = ()
+    """Effects to be discriminated (one: from none), instead of parameters to be learnt; names as for ``effects``."""
     budget: Quantity | None = None
+    """Time there is; by default that of the longest test of the file."""
     robust: str = "mean"
+    """``mean`` or ``worst`` over the parameter samples."""
     ignore_existing: bool = False
+    """Whether to start from the calibration stages alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +71,12 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
         raise InputError.of("--discriminate", f"{len(job.discriminate)} effects", "Name one or two")
     effects = tuple(find_effect(name) for name in job.discriminate)
     progress("read", 0, 0, "")
+    written = read_space(job.space) if job.space else None
     (prepared,) = prepare(job.inputs, competing=effects)
     source, base = prepared.source, prepared.plan
-    overhead, _ = parse_quantity("plan, pause", base.pause, "s")
-    written = read_space(job.space) if job.space else None
-    if written is not None:
+    if written is None:
+        overhead, _ = parse_quantity("plan, pause", base.pause, "s")
+    else:
         overhead, _ = parse_quantity("space, overhead", written.overhead, "s")
     budget, notes = _budget(job.budget, source, overhead)
     space = written or _default_space(prepared, budget, overhead)
@@ -95,16 +84,15 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     plans = space.plans()
     _require_conditions(plans, source.model)
     offered = candidates(base.model_copy(update={"effects": ()}), plans, limits, overhead)
-    of_effects = {parameter.name for effect in effects for parameter in effect.parameters}
-    names = job.parameters or tuple(job.combination) or tuple(n for n in prepared.free if n not in of_effects)
-    criterion = (
-        discrimination(source.space, prepared.samples, effects, job.robust)
-        if effects
-        else parameter_criterion(
-            job.criterion or ("c" if job.combination or len(job.parameters) == 1 else "D"),
-            source.space.names, names, job.combination, job.robust,
-        )
-    )  # fmt: skip
+    nuisances = {*source.calibrated, *(parameter.name for effect in effects for parameter in effect.parameters)}
+    every = source.space.names
+    names = job.parameters or tuple(job.combination) or tuple(name for name in every if name not in nuisances)
+    criterion: Criterion | Discrimination
+    if effects:
+        criterion = discrimination(source.space, prepared.samples, effects, job.robust)
+    else:
+        name = job.criterion or ("c" if job.combination or len(job.parameters) == 1 else "D")
+        criterion = parameter_criterion(name, every, names, job.combination, job.robust)
     evaluation = DesignEvaluation(prepared.information(), criterion, job.ignore_existing, prepared.jobs)
     found = optimal_design(evaluation, offered, limits, names, budget, progress)
     return Proposal(
@@ -115,9 +103,7 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
 def _budget(given: Quantity | None, source: Source, overhead: float) -> tuple[float, list[str]]:
     if given is None:
         longest = max(test.seconds for test in source.main or source.tests)
-        return longest + overhead, [
-            f"No --budget: the time of the longest test of the file, {longest:.4g} s, is taken."
-        ]
+        return longest + overhead, [f"No --budget: it is the time of the longest test of the file, {longest:.4g} s."]
     budget, _ = parse_quantity("--budget", float(given) if _is_number(given) else given, "s")
     if not budget > 0:
         raise InputError.of("--budget", f"{given} is not above 0", "Give a time, like '120 s'")
@@ -133,14 +119,12 @@ def _is_number(value: Quantity) -> bool:
 
 
 def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:
-    """Tests within what the file's tests demonstrate of the rig."""
-    model = prepared.source.model
-    driven, unit = driven_input(model)
-    known = [test.experiment for test in prepared.source.tests if driven in test.experiment.inputs]
-    frequencies = [experiment.frequency for experiment in known if experiment.frequency]
-    taken = {kind for stage in model.stages for kind in stage.excitations}
-    kinds = [kind for kind in ("sine", "multisine", "chirp", "step") if kind not in taken or kind == "step"]
-    return default_space(prepared.limits, unit, frequencies, budget, overhead, kinds)
+    """Tests within what the file's tests demonstrate; a calibration stage's kinds but steps belong to the stage."""
+    model, driven = prepared.source.model, driven_input(prepared.source.model)
+    known = [test.experiment for test in prepared.source.tests if driven.name in test.experiment.inputs]
+    taken = {kind for stage in model.stages for kind in stage.excitations} - {"step"}
+    kinds = {"sine", "multisine", "chirp", "step"} - taken
+    return default_space(known, driven, kinds, budget, overhead, measured=isinstance(prepared.content, Campaign))
 
 
 def _require_conditions(plans: Sequence[TestPlan], model: Model) -> None:

@@ -45,27 +45,18 @@ def with_neutral(space: ParameterSpace, values: FloatArray, effects: Sequence[Ef
 
 @dataclass(frozen=True)
 class Discrimination:
-    """A criterion for discriminating between two effects, or between one effect and none.
-
-    Parameters
-    ----------
-    sides
-        Places of the size parameters of the first effect, and of the second if there is one.
-    others
-        Places of the model's own parameters.
-    sizes
-        Size of each side's parameters, in the units of the information.
-    prior
-        Prior precision of the model's own parameters, (N, d, d), in the units of the information.
-    aggregate
-        Over the parameter samples: ``mean`` of the logarithm, or the ``worst``.
-    """
+    """A criterion for discriminating between two effects, or between one effect and none."""
 
     sides: tuple[tuple[int, ...], ...]
+    """Places of the size parameters of the first effect, and of the second if there is one."""
     others: tuple[int, ...]
+    """Places of the model's own parameters."""
     sizes: tuple[tuple[float, ...], ...]
+    """Size of each side's parameters, in the units of the information."""
     prior: FloatArray
+    """Prior precision of the model's own parameters, (N, d, d), in the units of the information."""
     aggregate: str = "mean"
+    """Over the parameter samples: ``mean`` of the logarithm, or the ``worst``."""
     name: ClassVar[str] = "T"
     #: Whether larger shown values are better.
     larger_is_better: ClassVar[bool] = True

@@ -24,24 +24,16 @@ Objective = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class ExchangeSettings:
-    """Numbers of the search.
-
-    Parameters
-    ----------
-    exhaustive
-        Up to so many selections are all evaluated: that takes about a second.
-    least_gain
-        A gain of less in the logarithm of the criterion is none: it would be rounding.
-    rounds
-        Rounds of exchanges at most; three or four are what it takes.
-    most_pairs
-        Two tests are taken out together while there are at most so many different pairs: their cost grows fast.
-    """
+    """Numbers of the search."""
 
     exhaustive: int = 5000
+    """Up to so many selections are all evaluated: that takes about a second."""
     least_gain: float = 1e-6
+    """A gain of less in the logarithm of the criterion is none: it would be rounding."""
     rounds: int = 20
+    """Rounds of exchanges at most; three or four are what it takes."""
     most_pairs: int = 15
+    """Two tests are taken out together while there are at most so many different pairs: their cost grows fast."""
 
 
 _SETTINGS = ExchangeSettings()
@@ -49,46 +41,30 @@ _SETTINGS = ExchangeSettings()
 
 @dataclass(frozen=True)
 class Selection:
-    """Tests to run, as places among the candidates (a place twice is a test repeated).
-
-    Parameters
-    ----------
-    members
-        Places, ascending.
-    seconds
-        Time it takes, overheads included.
-    value
-        Logarithm of the criterion.
-    exhaustive
-        Whether every selection that fits was evaluated.
-    """
+    """Tests to run, as places among the candidates (a place twice is a test repeated)."""
 
     members: tuple[int, ...]
+    """Places, ascending."""
     seconds: float
+    """Time it takes, overheads included."""
     value: float
+    """Logarithm of the criterion."""
     exhaustive: bool = False
+    """Whether every selection that fits was evaluated."""
 
 
 @dataclass(frozen=True)
 class CandidatePool:
-    """The candidates as numbers.
-
-    Parameters
-    ----------
-    information
-        What each candidate adds at every parameter sample, shape (C, N, …).
-    start
-        What there is without any of them, (N, …).
-    seconds
-        Time that each takes, (C,); infinite for one that must not be chosen.
-    objective
-        What is minimised.
-    """
+    """The candidates as numbers."""
 
     information: FloatArray
+    """What each candidate adds at every parameter sample, shape (C, N, …)."""
     start: FloatArray
+    """What there is without any of them, (N, …)."""
     seconds: FloatArray
+    """Time that each takes, (C,); infinite for one that must not be chosen."""
     objective: Objective
+    """What is minimised."""
 
     def total(self, members: Sequence[int]) -> FloatArray:
         """Information with these tests, (N, …)."""

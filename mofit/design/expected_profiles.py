@@ -24,24 +24,16 @@ from mofit.simulation import ExperimentData, Simulator
 
 @dataclass(frozen=True)
 class ProfileSettings:
-    """Numbers of the profiles.
-
-    Parameters
-    ----------
-    rise
-        Rise of the negative log likelihood (nats) beyond which a value is excluded: 95 %, half of chi-square's 3.84.
-    grid
-        Values per parameter.
-    reach
-        Standard deviations on each side over which a well-known parameter is profiled.
-    calibrated
-        Standard deviations of the calibrated parameters that the simulations cover.
-    """
+    """Numbers of the profiles."""
 
     rise: float = 1.92
+    """Rise of the negative log likelihood (nats) beyond which a value is excluded: 95 %, half of chi-square's 3.84."""
     grid: int = 17
+    """Values per parameter."""
     reach: float = 4.0
+    """Standard deviations on each side over which a well-known parameter is profiled."""
     calibrated: float = 6.0
+    """Standard deviations of the calibrated parameters that the simulations cover."""
 
 
 SETTINGS = ProfileSettings()
@@ -51,23 +43,16 @@ INTERVAL_WIDTH = 2 * float(np.sqrt(2 * SETTINGS.rise))
 
 @dataclass(frozen=True)
 class ProfileInterval:
-    """What a profile excludes.
-
-    Parameters
-    ----------
-    low, high
-        Ends of the 95 % interval, SI units; nan where a bound is reached first.
-    width
-        From one to the other in the unit cube; nan unless both are there.
-    grid, rise
-        The profile: fixed values and the rise there in nats, (P,).
-    """
+    """What a profile excludes."""
 
     low: float
     high: float
+    """Ends of the 95 % interval, SI units; nan where a bound is reached first."""
     width: float
+    """From one to the other in the unit cube; nan unless both are there."""
     grid: FloatArray
     rise: FloatArray
+    """The profile: fixed values and the rise there in nats, (P,)."""
 
     @property
     def closed(self) -> int:

@@ -30,24 +30,16 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """Information of T tests at N parameter samples, per change of each parameter by its scale; G groups.
-
-    Parameters
-    ----------
-    estimator
-        H and J by test, sample and group, (T, N, G, 2, d, d).
-    fisher
-        Fisher information, (T, N, d, d); nan where a simulation fails.
-    peaks
-        Largest magnitude of each output over the samples, (T, outputs); nan for tests of a calibration stage.
-    main
-        Sensitivities of the tests of the main identification at the first sample, if they are asked for.
-    """
+    """Information of T tests at N parameter samples, per change of each parameter by its scale; G groups."""
 
     estimator: FloatArray
+    """H and J by test, sample and group, (T, N, G, 2, d, d)."""
     fisher: FloatArray
+    """Fisher information, (T, N, d, d); nan where a simulation fails."""
     peaks: FloatArray
+    """Largest magnitude of each output over the samples, (T, outputs); nan for tests of a calibration stage."""
     main: tuple[Sensitivity, ...] = ()
+    """Sensitivities of the tests of the main identification at the first sample, if they are asked for."""
 
 
 def information(
@@ -120,21 +112,14 @@ def estimator_precision(estimator: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class SourceInformation:
-    """Information of all tests of a source; matrices are in the unit cube of the parameters.
-
-    Parameters
-    ----------
-    source
-        The tests.
-    samples
-        The parameter samples, (N, d); the first are the reference values.
-    tests
-        The information of each test.
-    """
+    """Information of all tests of a source; matrices are in the unit cube of the parameters."""
 
     source: Source
+    """The tests."""
     samples: FloatArray
+    """The parameter samples, (N, d); the first are the reference values."""
     tests: Information
+    """The information of each test."""
 
     @property
     def derivative(self) -> FloatArray:

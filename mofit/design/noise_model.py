@@ -40,25 +40,18 @@ class ChannelNoise:
 
     .. math::
         e_k = \left(s + f R + l |y_k|\right) n_k + s_c a_k, \qquad a_k = \phi a_{k-1} + \sqrt{1 - \phi^2} \, m_k
-
-    Parameters
-    ----------
-    sd
-        Standard deviation s of the white part.
-    fraction
-        Share f of the peak-to-peak range R of the test's signal, added to ``sd``.
-    level
-        Share l of the signal's magnitude.
-    coloured_sd, coefficient
-        Standard deviation of the autoregressive part, and its correlation from sample to sample. The part is taken as
-        periodic over the record.
     """
 
     sd: float = 0.0
+    """Standard deviation s of the white part."""
     fraction: float = 0.0
+    """Share f of the peak-to-peak range R of the test's signal, added to ``sd``."""
     level: float = 0.0
+    """Share l of the signal's magnitude."""
     coloured_sd: float = 0.0
     coefficient: float = 0.9
+    """Standard deviation of the autoregressive part, and its correlation from sample to sample. The part is taken
+    as periodic over the record."""
 
     def __call__(self, signal: FloatArray, used: NDArray[np.bool_]) -> tuple[NoiseProcess, ...]:
         """See `NoiseModel`."""

@@ -23,18 +23,13 @@ from mofit.runtime.progress import Progress, silent
 
 @dataclass(frozen=True)
 class DesignSettings:
-    """Numbers of the method.
-
-    Parameters
-    ----------
-    periods
-        Periods of a periodic candidate that are simulated in the search; the design itself is evaluated as it will run.
-    shares
-        Times for which the best design is searched, as shares of the budget.
-    """
+    """Numbers of the method."""
 
     periods: int = 8
+    """Periods of a periodic candidate that are simulated in the search; the design itself is evaluated as it will
+    run."""
     shares: tuple[float, ...] = (0.125, 0.25, 0.5, 0.75, 1.0)
+    """Times for which the best design is searched, as shares of the budget."""
 
 
 SETTINGS = DesignSettings()
@@ -51,75 +46,50 @@ class ParetoPoint:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """An optimal design and what it is based on.
-
-    Parameters
-    ----------
-    known
-        Information of the tests that there are, and the parameter samples.
-    criterion
-        What was minimised.
-    names
-        Parameters whose uncertainty is shown.
-    candidates
-        All candidates, infeasible ones included, with the reason.
-    tests
-        The tests chosen, as (candidate, times run).
-    seconds
-        Time it takes, overheads included.
-    exhaustive
-        Whether every selection that fits was evaluated.
-    before, after
-        Identifiability without and with the design.
-    value_before, value_after
-        Of the criterion: a relative standard deviation, or a noncentrality.
-    singles
-        Value of the criterion with one candidate more, (C,); nan for infeasible ones.
-    single_sd
-        Relative standard deviation of every shown parameter with that candidate, (C, k); nan for infeasible ones.
-    without
-        Relative standard deviations without one of the design's tests, over those with all of them, (tests, k).
-    pareto
-        Best designs for less time.
-    """
+    """An optimal design and what it is based on."""
 
     known: SourceInformation
+    """Information of the tests that there are, and the parameter samples."""
     criterion: Criterion | Discrimination
+    """What was minimised."""
     names: tuple[str, ...]
+    """Parameters whose uncertainty is shown."""
     candidates: tuple[Candidate, ...]
+    """All candidates, infeasible ones included, with the reason."""
     tests: tuple[tuple[Candidate, int], ...]
+    """The tests chosen, as (candidate, times run)."""
     seconds: float
+    """Time it takes, overheads included."""
     exhaustive: bool
+    """Whether every selection that fits was evaluated."""
     before: Identifiability
     after: Identifiability
+    """Identifiability without and with the design."""
     value_before: float
     value_after: float
+    """Of the criterion: a relative standard deviation, or a noncentrality."""
     singles: FloatArray
+    """Value of the criterion with one candidate more, (C,); nan for infeasible ones."""
     single_sd: FloatArray
+    """Relative standard deviation of every shown parameter with that candidate, (C, k); nan for infeasible ones."""
     without: FloatArray
+    """Relative standard deviations without one of the design's tests, over those with all of them, (tests, k)."""
     pareto: tuple[ParetoPoint, ...]
+    """Best designs for less time."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignEvaluation:
-    """Evaluates designs by relative changes of the parameters, at the samples.
-
-    Parameters
-    ----------
-    known
-        Information of the tests that there are.
-    criterion
-        What is minimised.
-    ignore_existing
-        Whether only their calibration stages count.
-    jobs
-        Threads; results do not depend on it.
-    """
+    """Evaluates designs by relative changes of the parameters, at the samples."""
 
     known: SourceInformation
+    """Information of the tests that there are."""
     criterion: Criterion | Discrimination
+    """What is minimised."""
     ignore_existing: bool = False
+    """Whether only their calibration stages count."""
     jobs: int = 1
+    """Threads; results do not depend on it."""
 
     @cached_property
     def size(self) -> FloatArray:

@@ -44,24 +44,16 @@ def group_of(model: Model, kind: str) -> int:
 
 @dataclass(frozen=True, eq=False)
 class DesignTest:
-    """One test of a design.
-
-    Parameters
-    ----------
-    experiment
-        Its definition and signals.
-    group
-        Place in `groups`: 0 for the main identification, else a calibration stage.
-    data
-        As the simulator sees it; samples with weight are used in the fit.
-    noise
-        Per output.
-    """
+    """One test of a design."""
 
     experiment: Experiment
+    """Its definition and signals."""
     group: int
+    """Place in `groups`: 0 for the main identification, else a calibration stage."""
     data: ExperimentData
+    """As the simulator sees it; samples with weight are used in the fit."""
     noise: tuple[NoiseModel, ...]
+    """Per output."""
 
     @property
     def name(self) -> str:
@@ -164,12 +156,3 @@ def _analysis(measurement: Measurement, frequency: float | None) -> SignalAnalys
     kept = steady_samples(time, transient, tail)
     periods = int((np.count_nonzero(kept) + 0.5) * experiment.step / period)
     return SignalAnalysis(period, periods, transient, tail, {}, "none", {})
-
-
-@dataclass(frozen=True)
-class ExperimentSet:
-    """Tests that are identified together: a name, the place of their source among the files, and their names."""
-
-    name: str
-    source: int
-    tests: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""From files and options to a prepared problem: what a comparison and a design both start from."""
+"""From files and options to tests, model and parameter samples: what a comparison and a design both start from."""
 
 from __future__ import annotations
 
@@ -6,92 +6,68 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, read_campaign
 from mofit.design.discrimination import with_neutral
 from mofit.design.information import SourceInformation, source_information
-from mofit.design.parameter_samples import box_samples, posterior_samples, reference_values
-from mofit.design.rig_limits import RigLimits, demonstrated_limits, driven_input, required_limits
 from mofit.design.sources import Source, measured_source, planned_source
-from mofit.errors import Issue, raise_errors
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
+from mofit.parameters import ParameterSpace
 from mofit.results import open_result
 from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan, read_plan
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Half the width of the box around reference values, as a share of the bounds: how uncertain they are beforehand.
+HALF_WIDTH = 0.15
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """Files and options.
-
-    Parameters
-    ----------
-    files
-        Campaigns (``.nc``) and plans of `mofit simulate` (``.toml``).
-    model, effects
-        Names of shipped ones or ``path/to/file.py:Name``; without a model, the plan or the campaign's channels decide.
-    at
-        Reference values of parameters by name, in SI units.
-    run
-        Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values.
-    samples
-        How many parameter samples.
-    seed, jobs
-        Seed of every random draw; threads.
-    """
+    """Files and options."""
 
     files: tuple[Path, ...]
+    """Campaigns (``.nc``) and plans of `mofit simulate` (``.toml``)."""
     model: str | None = None
     effects: tuple[str, ...] = ()
+    """Shipped ones, or ``path/to/file.py:Name``; without a model, the plan or the campaign's channels decide."""
     at: Mapping[str, float] = field(default_factory=dict)
+    """Reference values of parameters by name, in SI units."""
     run: Path | None = None
+    """Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values."""
     samples: int = 16
+    """How many parameter samples."""
     seed: int = 0
     jobs: int = 1
+    """Seed of every random draw; threads."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """One file, read and checked.
-
-    Parameters
-    ----------
-    content
-        The plan or campaign.
-    model_name, base
-        The model without effects, and its name as plans give it.
-    source
-        The tests with model, reference values and noise.
-    samples
-        Parameter samples (N, d), the reference values first.
-    seed, jobs
-        As in `Inputs`.
-    """
+    """One file, read and checked."""
 
     content: Plan | Campaign
+    """The plan or campaign."""
     model_name: str
     base: Model
+    """The model without effects, and its name as plans give it."""
     source: Source
+    """The tests with model, reference values and noise."""
     samples: FloatArray
+    """Parameter samples (N, d), the reference values first."""
     seed: int
     jobs: int
-
-    @cached_property
-    def free(self) -> tuple[str, ...]:
-        """Parameters that no calibration stage estimates."""
-        return tuple(name for name in self.source.space.names if name not in self.source.calibrated)
+    """As in `Inputs`."""
 
     def information(self) -> SourceInformation:
         """Information of the file's tests at the samples; simulates them."""
         return source_information(self.source, self.samples, self.jobs)
-
-    @cached_property
-    def limits(self) -> RigLimits:
-        """What the tests that excite the driven input demonstrate of the rig."""
-        driven, _ = driven_input(self.source.model)
-        known = [test.experiment for test in self.source.tests if driven in test.experiment.inputs]
-        measured = isinstance(self.content, Campaign)
-        return demonstrated_limits([required_limits(experiment, driven, measured) for experiment in known])
 
     @cached_property
     def plan(self) -> Plan:
@@ -116,14 +92,8 @@ class Prepared:
 def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effect] = ()) -> tuple[Prepared, ...]:
     """Read every file, choose the model, take the noise and draw the parameter samples.
 
-    Parameters
-    ----------
-    inputs
-        Files and options.
-    named
-        Tests that belong to the main identification whatever their kind.
-    competing
-        Effects to be discriminated: they join the model, with the parameters of their size at neutral values.
+    Tests that are ``named`` belong to the main identification whatever their kind. Effects that are ``competing`` are
+    to be discriminated: they join the model, with the parameters of their size at neutral values.
 
     Raises
     ------
@@ -131,12 +101,15 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
         With what is wrong with files and options.
     """
     stems = [path.stem for path in inputs.files]
-    issues = [
+    if not stems:
+        raise InputError.of("FILE", "none is given", "Name a campaign or a plan")
+    raise_errors(
         Issue(f"FILE {stem}", "two files have this name", "Rename one of them")
         for stem in sorted({stem for stem in stems if stems.count(stem) > 1})
-    ]
-    raise_errors(issues if stems else [Issue("FILE", "none is given", "Name a campaign or a plan")])
-    prepared = tuple(_prepare(path, inputs, named, competing) for path in inputs.files)
+    )
+    contents = {path.stem: read_plan(path) if path.suffix == ".toml" else read_campaign(path) for path in inputs.files}
+    run = open_result(inputs.run) if inputs.run is not None else None
+    prepared = tuple(_prepared(name, content, run, inputs, named, competing) for name, content in contents.items())
     first = prepared[0].source
     raise_errors(
         Issue(f"FILE {source.name}", f"its model is '{source.model.name}', not '{first.model.name}'", "Name --model")
@@ -146,19 +119,24 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
     return prepared
 
 
-def _prepare(path: Path, inputs: Inputs, named: Sequence[str], competing: Sequence[Effect]) -> Prepared:
-    content: Plan | Campaign = read_plan(path) if path.suffix == ".toml" else read_campaign(path)
+def _prepared(
+    name: str,
+    content: Plan | Campaign,
+    run: xr.DataTree | None,
+    inputs: Inputs,
+    named: Sequence[str],
+    competing: Sequence[Effect],
+) -> Prepared:
     base = _base_model(content, inputs.model)
     model = with_effects(base, *(find_effect(name) for name in inputs.effects), *competing)
-    source = (
-        planned_source(path.stem, content, model, named, inputs.jobs)
-        if isinstance(content, Plan)
-        else measured_source(path.stem, content, model, named, inputs.jobs, inputs.seed)
-    )
+    if isinstance(content, Plan):
+        source = planned_source(name, content, model, named, inputs.jobs)
+    else:
+        source = measured_source(name, content, model, named, inputs.jobs, inputs.seed)
     space = source.space
     values = reference_values(space, with_neutral(space, source.values, competing), inputs.at)
-    if inputs.run is not None:
-        samples = posterior_samples(open_result(inputs.run), space, values, inputs.samples, inputs.seed)
+    if run is not None:
+        samples = posterior_samples(run, space, values, inputs.samples, inputs.seed)
     else:
         still = {*source.calibrated, *(p.name for e in competing for p in e.parameters if p.neutral is not None)}
         free = tuple(name for name in space.names if name not in still)
@@ -173,3 +151,72 @@ def _base_model(content: Plan | Campaign, name: str | None) -> Model:
     if isinstance(content, Plan):
         return find_model(content.model)
     return default_model({name for m in content.measurements for name in (*m.experiment.inputs, *m.outputs)})
+
+
+def reference_values(space: ParameterSpace, values: FloatArray, at: Mapping[str, float]) -> FloatArray:
+    """The values (d,) with those of ``at`` in place of the parameters that it names.
+
+    Raises
+    ------
+    InputError
+        For unknown names, and values outside their bounds.
+    """
+    issues = []
+    changed = values.copy()
+    for name, value in at.items():
+        if name not in space.names:
+            issues.append(Issue(f"--at {name}", "the model has no such parameter", did_you_mean(name, space.names)))
+            continue
+        own = space[name]
+        if not own.lower <= value <= own.upper:
+            bounds = f"[{own.lower:g}, {own.upper:g}] {own.unit}"
+            issues.append(Issue(f"--at {name}", f"{value:g} lies outside {bounds}", "Give a value inside"))
+        changed[space.index(name)] = value
+    raise_errors(issues)
+    return changed
+
+
+def box_samples(space: ParameterSpace, values: FloatArray, free: tuple[str, ...], count: int, seed: int) -> FloatArray:
+    """Values (d,) first, then scrambled Sobol points in a box around them, (count, d); only ``free`` ones vary."""
+    from scipy.stats import qmc  # late: its import takes half a second
+
+    if count == 1 or not free:
+        return values[None]
+    size = 1 << (count - 1).bit_length()
+    scattered = qmc.Sobol(len(free), rng=seed).random(size)[:count]
+    unit = np.repeat(space.to_unit(values)[None], count, axis=0)
+    places = [space.index(name) for name in free]
+    unit[1:, places] += HALF_WIDTH * (2 * scattered[1:] - 1)
+    moved = space.from_unit(np.clip(unit, 0.0, 1.0))
+    found = np.repeat(values[None], count, axis=0)
+    found[1:, places] = moved[1:, places]
+    return found
+
+
+def posterior_samples(
+    tree: xr.DataTree, space: ParameterSpace, values: FloatArray, count: int, seed: int
+) -> FloatArray:
+    """Posterior median and posterior draws (count, d) of a run's best mode; parameters it lacks keep their values.
+
+    Raises
+    ------
+    InputError
+        If none of the model's parameters was sampled in the run.
+    """
+    modes = tree["modes"].children
+    best = max(modes.values(), key=lambda node: float(node.attrs["probability"]))
+    posterior = best.children.get("posterior")
+    draws = {
+        name: np.asarray(posterior[name].values, dtype=float).ravel()
+        for name in space.names
+        if posterior is not None and name in posterior.data_vars
+    }
+    if not draws:
+        raise InputError.of("--run", "it holds no posterior of this model's parameters", "Name a run of the same model")
+    total = len(next(iter(draws.values())))
+    chosen = np.random.default_rng(seed).integers(total, size=count)
+    found = np.repeat(values[None], count, axis=0)
+    for name, own in draws.items():
+        column = np.append(np.median(own), own[chosen[1:]])
+        found[:, space.index(name)] = np.clip(column, space[name].lower, space[name].upper)
+    return found

@@ -12,7 +12,7 @@ from mofit.data import Experiment
 from mofit.data.signals import smooth_derivative
 from mofit.design.candidate_space import Limits
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.models import Model
+from mofit.models import Channel, Model
 from mofit.units import Quantity, parse_quantity
 
 #: Rounding of a grid's values must not push a test over a limit that it is meant to reach.
@@ -36,10 +36,9 @@ class RigLimits:
     outputs: Mapping[str, float] = field(default_factory=dict)
 
 
-def driven_input(model: Model) -> tuple[str, str]:
-    """Name and unit of the channel that a rig drives."""
-    channel = next(channel for channel in model.inputs if channel.derivative_of is None)
-    return channel.name, channel.unit
+def driven_input(model: Model) -> Channel:
+    """The channel that a rig drives."""
+    return next(channel for channel in model.inputs if channel.derivative_of is None)
 
 
 def declared_limits(limits: Limits, model: Model) -> RigLimits:
@@ -50,14 +49,14 @@ def declared_limits(limits: Limits, model: Model) -> RigLimits:
     InputError
         With every quantity of the wrong unit, every unknown output and every limit that is not above 0.
     """
-    driven, unit = driven_input(model)
+    driven = driven_input(model)
     outputs = {channel.name: channel.unit for channel in model.outputs}
     issues = [
         Issue("space, limits.outputs", f"model '{model.name}' has no output '{name}'", did_you_mean(name, outputs))
         for name in limits.outputs
         if name not in outputs
     ]
-    units = _units(unit)
+    units = _units(driven.unit)
     own = {key: _positive(f"space, limits.{key}", getattr(limits, key), units[key], issues) for key in units}
     largest = {
         name: _positive(f"space, limits.outputs.{name}", value, outputs[name], issues)
@@ -65,7 +64,7 @@ def declared_limits(limits: Limits, model: Model) -> RigLimits:
         if name in outputs
     }
     raise_errors(issues)
-    return RigLimits(driven, **own, outputs=largest)
+    return RigLimits(driven.name, **own, outputs=largest)
 
 
 def required_limits(experiment: Experiment, driven: str, measured: bool = False) -> RigLimits:

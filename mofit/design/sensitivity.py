@@ -33,30 +33,20 @@ _FEW = 256
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Outputs and sensitivities of one test at N parameter samples: ny outputs, n samples, p parameters.
-
-    Parameters
-    ----------
-    test
-        Name of the test.
-    step
-        Sampling interval [s].
-    outputs
-        Simulated outputs at the samples used in the fit, per output (N, n_y).
-    jacobians
-        Their derivatives with respect to the parameters in SI units, per output (N, n_y, p).
-    ranges
-        Range of every output, by which the identification normalises, (ny,).
-    noise
-        Independent parts of the noise, per output and parameter sample.
-    """
+    """Outputs and sensitivities of one test at N parameter samples: ny outputs, n samples, p parameters."""
 
     test: str
+    """Name of the test."""
     step: float
+    """Sampling interval [s]."""
     outputs: tuple[FloatArray, ...]
+    """Simulated outputs at the samples used in the fit, per output (N, n_y)."""
     jacobians: tuple[FloatArray, ...]
+    """Their derivatives with respect to the parameters in SI units, per output (N, n_y, p)."""
     ranges: FloatArray
+    """Range of every output, by which the identification normalises, (ny,)."""
     noise: tuple[tuple[tuple[NoiseProcess, ...], ...], ...]
+    """Independent parts of the noise, per output and parameter sample."""
 
     @cached_property
     def fisher(self) -> FloatArray:

@@ -26,33 +26,22 @@ _NEAR = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A file's tests.
-
-    Parameters
-    ----------
-    name
-        Of the file.
-    model
-        The model to be identified.
-    space
-        Its parameters and their bounds.
-    values
-        Their reference values, (d,): the plan's; of a campaign those of its calibration stages, else nominal.
-    tests
-        Those of the main identification and of the calibration stages.
-    noise
-        By output, for tests that are in no file.
-    notes
-        What a reader should know about these assumptions, in sentences.
-    """
+    """A file's tests."""
 
     name: str
+    """Of the file."""
     model: Model
+    """The model to be identified."""
     space: ParameterSpace
+    """Its parameters and their bounds."""
     values: FloatArray
+    """Their reference values, (d,): the plan's; of a campaign those of its calibration stages, else nominal."""
     tests: tuple[DesignTest, ...]
+    """Those of the main identification and of the calibration stages."""
     noise: Mapping[str, ChannelNoise]
+    """By output, for tests that are in no file."""
     notes: tuple[str, ...] = ()
+    """What a reader should know about these assumptions, in sentences."""
 
     @property
     def calibrated(self) -> tuple[str, ...]:

@@ -24,9 +24,8 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Measurement
 from mofit.design.comparison import compare
-from mofit.design.comparison_result import ParameterResult
+from mofit.design.comparison_result import ExperimentSet, ParameterResult
 from mofit.design.information import source_information
-from mofit.design.planned_tests import ExperimentSet
 from mofit.design.sources import planned_source
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.problem_setup import set_up_problem

@@ -13,13 +13,11 @@ from mofit.cli.options import tests_by_name as parse_groups
 from mofit.cli.output import show_comparison
 from mofit.data import write_campaign
 from mofit.design.augmentation import Augmentation
-from mofit.design.compare_job import CompareJob, compare_files
-from mofit.design.comparison import compare, experiments_of
+from mofit.design.comparison import compare, compare_files, experiments_of
 from mofit.design.identifiability import COMBINATION, IDENTIFIABLE, VERDICTS
 from mofit.design.pages.comparison import profile_section
 from mofit.design.pages.frequency import information_over_frequency, loss_peak
-from mofit.design.parameter_samples import box_samples, posterior_samples, reference_values
-from mofit.design.prepare import Inputs, prepare
+from mofit.design.prepare import Inputs, box_samples, posterior_samples, prepare, reference_values
 from mofit.design.summary import comparison_summary
 from mofit.design.text import augmentation_sentences
 from mofit.errors import InputError
@@ -141,7 +139,7 @@ def test_a_campaign_and_its_plan_agree(plan, tmp_path) -> None:
     campaign = tmp_path / "measured.nc"
     write_campaign(simulate(plan), campaign)
     at = dict(zip(LINEAR, (5e3, 200.0, 2e4, 1e3), strict=True))
-    comparison = compare_files(CompareJob(Inputs((plan, campaign), "maxwell_damper", at=at, samples=1)))
+    comparison = compare_files(Inputs((plan, campaign), "maxwell_damper", at=at, samples=1))
     planned, measured = comparison.experiments
     assert [row.experiment.name for row in comparison.experiments] == ["damper", "measured"]
     for name in comparison.parameters:

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from mofit.design.bounded_estimator import bounded_sd
 from mofit.design.expected_profiles import INTERVAL_WIDTH, SETTINGS, expected_data, expected_profiles, profile_interval
-from mofit.design.identifiability import identifiability
+from mofit.design.identifiability import bounded_sd, identifiability
 from mofit.design.information import source_information
 from mofit.design.noise_model import ChannelNoise, channel_noise, known_process
 from mofit.design.simulated_identification import draw_noise, simulated_campaign, simulated_estimates

@@ -8,9 +8,9 @@ import pytest
 from mofit.data import Experiment
 from mofit.design.candidate_space import Limits, read_space
 from mofit.design.default_space import default_space
-from mofit.design.rig_limits import RigLimits, declared_limits, demonstrated_limits, required_limits, violation
+from mofit.design.rig_limits import RigLimits, declared_limits, required_limits, violation
 from mofit.errors import InputError
-from mofit.models import find_model
+from mofit.models import Channel, find_model
 
 GOOD = """
 overhead = "30 s"
@@ -140,8 +140,9 @@ def test_the_violated_limit_is_named():
 
 
 def test_the_default_space_stays_within_demonstrated_limits():
-    limits = demonstrated_limits([required_limits(sine(0.02, f), "displacement") for f in (0.5, 1.5)])
-    space = default_space(limits, "m", [0.5, 1.5], budget=100.0, overhead=10.0)
+    known = [sine(0.02, f) for f in (0.5, 1.5)]
+    kinds = ("sine", "multisine", "chirp", "step")
+    space = default_space(known, Channel("displacement", "m"), kinds, budget=100.0, overhead=10.0)
     plans = space.plans()
     assert len(plans) >= 200
     assert {plan.kind for plan in plans} == {"sine", "multisine", "chirp", "step"}

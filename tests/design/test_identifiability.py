@@ -6,13 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from mofit.design.bounded_estimator import BoundedSettings, balanced_draws, bounded_minima, bounded_sd
 from mofit.design.identifiability import (
     COMBINATION,
     IDENTIFIABLE,
     NOT,
     ONE_SIDED,
+    SETTINGS,
     VERDICTS,
+    balanced_draws,
+    bounded_minima,
+    bounded_sd,
     condition_indices,
     correlated_parameters,
     identifiability,
@@ -122,6 +125,6 @@ def test_bounded_estimates_agree_with_a_solver(seed: int) -> None:
 
 @pytest.mark.parametrize("size", [1, 3, 8])
 def test_draws_are_balanced(size: int) -> None:
-    draws = balanced_draws(size, BoundedSettings().draws)
+    draws = balanced_draws(size, SETTINGS.draws)
     np.testing.assert_allclose(draws.mean(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(draws.T @ draws / len(draws), np.eye(size), atol=1e-12)
