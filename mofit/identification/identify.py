@@ -17,9 +17,8 @@ from mofit.identification.stages import locate_minima, sample_modes
 from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
-from mofit.runtime.log import RunLog, StageTimer
 from mofit.runtime.parallel import beside
-from mofit.runtime.progress import Progress, silent
+from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import plan_folder
 
 

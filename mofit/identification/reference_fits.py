@@ -16,7 +16,7 @@ from mofit.identification.settings import Settings
 from mofit.identification.stages import fit, refined, starts_of
 from mofit.models import Model, find_model
 from mofit.problem import adjusted_posterior
-from mofit.runtime.log import StageTimer
+from mofit.runtime.progress import StageTimer
 
 
 def fit_references(

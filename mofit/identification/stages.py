@@ -21,8 +21,7 @@ from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, SearchResult, merge, profile, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import CampaignPosterior, Problem, adjusted_posterior
-from mofit.runtime.log import StageTimer
-from mofit.runtime.progress import Progress, silent
+from mofit.runtime.progress import Progress, StageTimer, silent
 from mofit.sampling import (
     bridge_log_evidence,
     laplace_covariance,

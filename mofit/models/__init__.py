@@ -1,11 +1,8 @@
 """Models and effects: symbols in, one differentiable system out."""
 
-from mofit.models.declarations import TARGET_UNIT, Applied, Channel, Condition, Equations, MaxwellBranch, Stage
-from mofit.models.effect import Addition, Effect, Scaling
-from mofit.models.extended_model import incompatibility, with_effects
-from mofit.models.model import Model
+from mofit.models.effect import Addition, Effect, Scaling, incompatibility, with_effects
+from mofit.models.model import TARGET_UNIT, Applied, Channel, Condition, Equations, MaxwellBranch, Model, Stage, Symbols
 from mofit.models.registry import default_model, effect_names, find_effect, find_model, model_names
-from mofit.models.symbols import Symbols
 from mofit.models.system import System, build_system
 
 __all__ = [

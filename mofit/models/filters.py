@@ -18,8 +18,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mofit.models.declarations import Applied, Channel
-from mofit.models.symbols import Symbols
+from mofit.models.model import Applied, Channel, Symbols
 
 ORDER = 4
 

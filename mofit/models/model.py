@@ -1,12 +1,186 @@
-"""All that a model states about itself."""
+"""A model: what it declares, the symbols that its equations are written in, and what they return."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
-from mofit.models.declarations import Channel, Condition, Equations, MaxwellBranch, Stage
-from mofit.models.symbols import Symbols
+import casadi as ca
+
+from mofit.errors import InputError, did_you_mean
 from mofit.parameters import Parameter
+
+#: unit of an effect's parameter or state that has the unit of what the effect acts on
+TARGET_UNIT = "unit of the target"
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A signal over time: an input, an output or a state, in its SI unit.
+
+    ``derivative_of`` names the input whose time derivative this one is. A smoothing spline of that channel gives it,
+    never raw differences.
+    """
+
+    name: str
+    unit: str
+    description: str = ""
+    derivative_of: str | None = None
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A constant of a test (load, speed …). Without a ``default`` the campaign must give it."""
+
+    name: str
+    unit: str
+    default: float | None = None
+    description: str = ""
+
+
+#: what every test has by its time axis
+TIME = Channel("time", "s", "time since the first sample")
+SAMPLE_INTERVAL = Condition("sample_interval", "s", 0.01, "sampling interval")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A calibration before the main identification: ``model`` is fitted to tests with these excitation types.
+
+    The parameters of the stage's model are parameters of the main model, too. Their posterior is the prior of the main
+    identification. ``settled`` limits the fit to the steady state of each test.
+    """
+
+    name: str
+    title: str
+    model: str
+    excitations: tuple[str, ...]
+    settled: bool = False
+
+
+@dataclass(frozen=True)
+class MaxwellBranch:
+    """A spring and a damper in series, named by their parameters.
+
+    Parameters
+    ----------
+    stiffness, damping
+        Names of the branch's parameters.
+    parallel
+        Names of the stiffness and the damping in parallel with the branch.
+    part
+        What spring, damper and branch form together.
+    """
+
+    stiffness: str
+    damping: str
+    parallel: tuple[str, str]
+    part: str
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Right-hand side of a model.
+
+    Parameters
+    ----------
+    outputs
+        Expression per output channel.
+    derivatives
+        Time derivative per state.
+    initial
+        Initial value per state as an expression of inputs (their first sample), parameters and
+        conditions; states not named start at 0.
+    """
+
+    outputs: Mapping[str, ca.SX]
+    derivatives: Mapping[str, ca.SX] = field(default_factory=dict)
+    initial: Mapping[str, ca.SX] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Applied:
+    """A quantity with an effect.
+
+    Parameters
+    ----------
+    value
+        The quantity.
+    derivatives, initial
+        Time derivatives and initial values of the effect's own states.
+    inputs
+        Inputs that change along with an input (its derivative, say).
+    """
+
+    value: ca.SX
+    derivatives: Mapping[str, ca.SX] = field(default_factory=dict)
+    initial: Mapping[str, ca.SX] = field(default_factory=dict)
+    inputs: Mapping[str, ca.SX] = field(default_factory=dict)
+
+
+class Symbols:
+    """Parameters, states, inputs and conditions by name: ``s.c_y`` is a CasADi SX scalar.
+
+    Parameters
+    ----------
+    base
+        Plain symbol of every name.
+    inputs
+        Names of the inputs. Effects act on inputs, parameters and conditions at first use.
+    effects
+        Functions of the symbols and a quantity (`Effect.apply`), each with the name of the quantity that it acts on.
+        They act in this order.
+    """
+
+    def __init__(
+        self,
+        base: Mapping[str, ca.SX],
+        inputs: Sequence[str] = (),
+        effects: Sequence[tuple[Apply, str]] = (),
+    ) -> None:
+        self._values = dict(base)
+        self._pending = {*inputs, *(target for _, target in effects if target in base)}
+        self._effects = tuple(effects)
+        #: derivatives and initial values of the effects' states, filled as quantities are announced
+        self.derivatives: dict[str, ca.SX] = {}
+        self.initial: dict[str, ca.SX] = {}
+        #: every announced quantity, effects included
+        self.quantities: dict[str, ca.SX] = {}
+
+    def __getattr__(self, name: str) -> ca.SX:
+        values = self.__dict__.get("_values", {})
+        if name not in values:
+            raise InputError.of(f"equations: s.{name}", "the model declares no such name", did_you_mean(name, values))
+        if name in self._pending:
+            self._pending.remove(name)
+            values[name] = self.quantity(name, values[name])
+        return values[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def quantity(self, name: str, value: ca.SX) -> ca.SX:
+        """Announce a named quantity; returns it with every effect that acts on it."""
+        for apply, target in self._effects:
+            if target == name:
+                applied = apply(self, value)
+                value = applied.value
+                self.derivatives.update(applied.derivatives)
+                self.initial.update(applied.initial)
+                self._values.update(applied.inputs)
+        self.quantities[name] = value
+        return value
+
+    @property
+    def unannounced(self) -> list[str]:
+        """Quantities that an effect acts on and that no equation announced, sorted."""
+        return sorted({target for _, target in self._effects} - set(self.quantities))
+
+
+#: ``Effect.apply``: symbols and a quantity in, the quantity with the effect out
+Apply: TypeAlias = Callable[[Symbols, ca.SX], Applied]
 
 
 class Model(ABC):

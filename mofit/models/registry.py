@@ -19,15 +19,18 @@ from mofit.models.model import Model
 
 T = TypeVar("T", Model, Effect)
 
+#: folders of the shipped ones
+_FOLDERS: dict[type, str] = {Model: "library", Effect: "effects"}
+
 
 def model_names() -> tuple[str, ...]:
     """Names of the shipped models."""
-    return tuple(_shipped("library", Model))
+    return tuple(_shipped(Model))
 
 
 def effect_names() -> tuple[str, ...]:
     """Names of the shipped effects, ordered by file, then as the file defines them."""
-    return tuple(_shipped("effects", Effect))
+    return tuple(_shipped(Effect))
 
 
 def find_model(reference: str) -> Model:
@@ -38,7 +41,7 @@ def find_model(reference: str) -> Model:
     InputError
         If there is none; names the closest one.
     """
-    return _find(reference, "model", _shipped("library", Model), Model)
+    return _find(reference, Model)
 
 
 def find_effect(reference: str) -> Effect:
@@ -49,7 +52,7 @@ def find_effect(reference: str) -> Effect:
     InputError
         If there is none (names the closest one), or with everything that the user's own lacks.
     """
-    effect = _find(reference, "effect", _shipped("effects", Effect), Effect)
+    effect = _find(reference, Effect)
     raise_errors(effect.issues())
     return effect
 
@@ -65,7 +68,7 @@ def default_model(channels: Iterable[str]) -> Model:
     have = set(channels)
     found = [
         kind
-        for kind in _shipped("library", Model).values()
+        for kind in _shipped(Model).values()
         if kind.default and {c.name for c in (*kind.inputs, *kind.outputs) if not c.derivative_of} <= have
     ]
     if len(found) != 1:
@@ -75,9 +78,9 @@ def default_model(channels: Iterable[str]) -> Model:
 
 
 @cache
-def _shipped(folder: str, kind: type[T]) -> dict[str, type[T]]:
-    """Every class of a kind that a module of the folder defines, by the name it gives itself."""
-    package = import_module(f"{__package__}.{folder}")
+def _shipped(kind: type[T]) -> dict[str, type[T]]:
+    """Every class of a kind that a module of its folder defines, by the name it gives itself."""
+    package = import_module(f"{__package__}.{_FOLDERS[kind]}")
     modules = [import_module(f"{package.__name__}.{found.name}") for found in pkgutil.iter_modules(package.__path__)]
     return {value.name: value for module in modules for value in _classes(module, kind).values()}
 
@@ -94,35 +97,32 @@ def _classes(module: ModuleType, kind: type[T]) -> dict[str, type[T]]:
     }
 
 
-def _find(reference: str, what: str, shipped: dict[str, type[T]], kind: type[T]) -> T:
+def _find(reference: str, kind: type[T]) -> T:
+    shipped, what = _shipped(kind), kind.__name__.lower()
     if reference in shipped:
         return shipped[reference]()
     if reference.partition(":")[0].endswith(".py"):
         return _own(reference, kind)()
-    raise InputError.of(
-        f"{what} '{reference}'",
-        "unknown name",
-        f"{did_you_mean(reference, shipped)} An own {what} is given as path/to/file.py:Name",
-    )
+    hint = f"{did_you_mean(reference, shipped)} Name one of your own as path/to/file.py:Name"
+    raise InputError.of(f"{what} '{reference}'", "unknown name", hint)
 
 
 def _own(reference: str, kind: type[T]) -> type[T]:
     """The class ``Name`` of a kind in a user's file; ``:Name`` may be left out if the file defines just one."""
-    path_text, _, name = reference.partition(":")
-    path = Path(path_text)
+    place, _, name = reference.partition(":")
+    path = Path(place)
     if not path.is_file():
         raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
     spec = importlib.util.spec_from_file_location(f"mofit_user_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise InputError.of(reference, "not a Python file", "Give path/to/file.py:Name")
+    assert spec is not None
+    assert spec.loader is not None  # there is one for every name that ends in .py
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        raise InputError.of(
-            reference, f"running it raised {type(error).__name__}: {error}", "Correct the file"
-        ) from error
+        message = f"running it raised {type(error).__name__}: {error}"
+        raise InputError.of(reference, message, "Correct the file") from error
     found = _classes(module, kind)
     if name in found:
         return found[name]

@@ -10,10 +10,8 @@ from typing import Any
 import casadi as ca
 
 from mofit.errors import InputError, Issue, MofitError, did_you_mean, raise_errors
-from mofit.models.declarations import Equations
-from mofit.models.extended_model import ExtendedModel
-from mofit.models.model import Model
-from mofit.models.symbols import Symbols
+from mofit.models.effect import ExtendedModel
+from mofit.models.model import Equations, Model, Symbols
 
 
 @dataclass(frozen=True)
@@ -103,10 +101,8 @@ def build_system(model: Model) -> System:
             initial=ca.Function("initial", [u, p, c], [x0], ["u", "p", "c"], ["x0"]),
         )
     except RuntimeError as error:
-        reason = str(error).strip().splitlines()[-1]
-        raise InputError.of(
-            where, f"the equations use a symbol that is not the model's own ({reason})", "Use only s.<declared name>"
-        ) from error
+        message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
+        raise InputError.of(where, message, "Use only s.<declared name>") from error
 
 
 def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:
@@ -140,9 +136,8 @@ def _sx(where: str, name: str, value: Any) -> ca.SX:
     try:
         return ca.SX(value)
     except (NotImplementedError, TypeError) as error:
-        raise InputError.of(
-            where, f"'{name}' is a {type(value).__name__}, not a CasADi SX expression", "Build it from s.<name>"
-        ) from error
+        message = f"'{name}' is a {type(value).__name__}, not a CasADi SX expression"
+        raise InputError.of(where, message, "Build it from s.<name>") from error
 
 
 def _column(where: str, values: Mapping[str, Any], order: tuple[str, ...]) -> ca.SX:

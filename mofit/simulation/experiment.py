@@ -14,7 +14,7 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.models import Model, System
-from mofit.models.declarations import SAMPLE_INTERVAL, TIME
+from mofit.models.model import SAMPLE_INTERVAL, TIME
 
 #: conditions that follow from a test's time axis, see `all_conditions`
 TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")

@@ -49,8 +49,8 @@ def timed(name, import_):
 
 bootstrap._find_and_load = timed
 from mofit.cli import main
-from mofit.runtime.log import Clock
-measure, own = Clock.measure, os.getpid()
+from mofit.runtime.progress import StageTimer
+measure, own = StageTimer.measure, os.getpid()
 
 @contextmanager
 def measured(clock, stage):
@@ -60,7 +60,7 @@ def measured(clock, stage):
     if os.getpid() == own:
         rows.append((stage, wall - begin, time.perf_counter() - wall, spent() - cpu, cpu))
 
-Clock.measure = measured
+StageTimer.measure = measured
 code = main(["identify", "--all-freqs", "--seed", "0", "--json", "--out", sys.argv[1]])
 children = resource.RUSAGE_CHILDREN
 with open("/proc/self/status") as status:

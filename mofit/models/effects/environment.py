@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.declarations import TIME, Condition
 from mofit.models.effect import Scaling
-from mofit.models.symbols import Symbols
+from mofit.models.model import TIME, Condition, Symbols
 from mofit.parameters import Parameter
 
 

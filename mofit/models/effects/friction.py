@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.declarations import TARGET_UNIT, Applied, Channel
 from mofit.models.effect import Addition, Effect
-from mofit.models.symbols import Symbols
+from mofit.models.model import TARGET_UNIT, Applied, Channel, Symbols
 from mofit.parameters import Parameter
 
 #: time constant with which the state of a play follows its signal, s; it matters only where the signal turns

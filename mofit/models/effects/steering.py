@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.declarations import SAMPLE_INTERVAL, Applied, Condition
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.filters import Washout, derivative, lagged, washout_states, washout_time
 from mofit.models.library.steady_state import slip_stiffness
 from mofit.models.library.tyres import contact_force
-from mofit.models.symbols import Symbols
+from mofit.models.model import SAMPLE_INTERVAL, Applied, Condition, Symbols
 from mofit.parameters import Parameter
 
 #: Rounds in which angle and force of a settled tyre find each other; each takes off nine tenths of what is left.

@@ -5,9 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from mofit.models.declarations import Channel, Condition, Equations, MaxwellBranch
-from mofit.models.model import Model
-from mofit.models.symbols import Symbols
+from mofit.models.model import Channel, Condition, Equations, MaxwellBranch, Model, Symbols
 from mofit.parameters import Parameter
 
 STIFFNESS = Parameter("c", "N/m", 0.0, 1e4, 500.0, description="stiffness at small stroke")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from mofit.models.declarations import Channel, Equations
-from mofit.models.model import Model
-from mofit.models.symbols import Symbols
+from mofit.models.model import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.declarations import Channel, Condition, Equations
-from mofit.models.model import Model
-from mofit.models.symbols import Symbols
+from mofit.models.model import Channel, Condition, Equations, Model, Symbols
 from mofit.parameters import Parameter
 
 # Tests up to 4 degrees end well before the maximum and do not inform sliding: fixed ratios, typical of car tyres.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.declarations import Channel, Equations, MaxwellBranch, Stage
 from mofit.models.library.steady_state import (
     LATERAL_FORCE,
     ROLLING_CONDITIONS,
@@ -15,8 +14,7 @@ from mofit.models.library.steady_state import (
     lateral_slip,
     slip_stiffness,
 )
-from mofit.models.model import Model
-from mofit.models.symbols import Symbols
+from mofit.models.model import Channel, Equations, MaxwellBranch, Model, Stage, Symbols
 from mofit.parameters import Parameter
 
 DEFLECTION = Channel("lateral_deflection", "m", "lateral deflection of the carcass")

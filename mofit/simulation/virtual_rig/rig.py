@@ -13,7 +13,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.errors import InputError
 from mofit.models import build_system
-from mofit.models.declarations import TIME
+from mofit.models.model import TIME
 from mofit.simulation.experiment import in_model_order
 from mofit.simulation.simulator import Simulator
 from mofit.simulation.virtual_rig.plan import Plan, read_plan
