@@ -11,7 +11,7 @@ from mofit._typing import FloatArray
 from mofit.sampling.chains import Draws
 from mofit.sampling.convergence import effective_size
 from mofit.sampling.ensemble import LogPosterior, safe
-from mofit.sampling.independence_proposal import StudentTMixture, best_proposal
+from mofit.sampling.independence_proposal import StudentTMixture, best_proposal, in_cube
 
 MOST_PROPOSALS = 4000
 """Points at which the posterior is computed, at most: an error of a few hundredths even where the fit is poor."""
@@ -21,21 +21,10 @@ BATCH = 16384
 
 @dataclass(frozen=True)
 class Evidence:
-    """Log of the posterior mass of a mode.
-
-    Parameters
-    ----------
-    log_evidence
-        ln Z.
-    error
-        Standard error of ln Z, the relative error of Z.
-    evaluations
-        Log posteriors computed.
-    """
+    """Log of the posterior mass of a mode, ln Z, and its standard error, the relative error of Z."""
 
     log_evidence: float
     error: float
-    evaluations: int
 
 
 def bridge_log_evidence(log_posterior: LogPosterior, draws: Draws, seed: int) -> Evidence:
@@ -89,7 +78,7 @@ def bridge_log_evidence(log_posterior: LogPosterior, draws: Draws, seed: int) ->
     variance = first.var() / first.mean() ** 2 / len(drawn)
     variance += second.var() / second.mean() ** 2 / _effective(second.reshape(chains, -1))
     variance += (tried - inside) / (inside * tried)
-    return Evidence(log_z, float(np.sqrt(variance)), len(drawn))
+    return Evidence(log_z, float(np.sqrt(variance)))
 
 
 def _fixed_point(at_draws: FloatArray, at_proposals: FloatArray, share: tuple[float, float]) -> float:
@@ -115,7 +104,6 @@ def _drawn(proposal: StudentTMixture, random: np.random.RandomState, count: int)
     inside = tried = 0
     while inside < count and tried < 256 * BATCH:
         draws = proposal.draw(random, BATCH)
-        fine = draws[np.all((draws >= 0) & (draws <= 1), axis=1)]
-        found.append(fine)
-        inside, tried = inside + len(fine), tried + BATCH
+        found.append(draws[in_cube(draws)])
+        inside, tried = inside + len(found[-1]), tried + BATCH
     return np.concatenate(found)[:count], inside, tried

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
-from mofit.sampling.independence_proposal import StudentTMixture
-from mofit.sampling.moves import IndependenceMove, Move, SnookerMove
-from mofit.sampling.settings import SampleSettings
+from mofit.sampling.independence_proposal import StudentTMixture, in_cube
+from mofit.sampling.moves import Move
 
 LogPosterior = Callable[[FloatArray], FloatArray]
 """Points (n, d) in unit coordinates to log posterior (n,); -inf outside the cube or where the simulation failed."""
@@ -51,19 +51,29 @@ class Ensemble:
         chain, walkers = np.empty((0, *positions.shape)), len(positions)
         return cls(positions, log_prob, random_state, chain, np.empty((0, walkers)), np.zeros(walkers))
 
+    def generator(self) -> np.random.RandomState:
+        """A generator in the state of the ensemble's own."""
+        random = np.random.RandomState()
+        random.set_state(self.random_state)
+        return random
 
-def safe(log_posterior: LogPosterior) -> LogPosterior:
-    """The same function, -inf outside the cube (not evaluated there) and where it returns nan."""
 
-    def guarded(points: FloatArray) -> FloatArray:
-        inside = np.all((points >= 0) & (points <= 1), axis=1)
-        values = np.full(len(points), -np.inf)
-        if inside.any():
-            found = np.asarray(log_posterior(points[inside]), dtype=float)
-            values[inside] = np.where(np.isnan(found), -np.inf, found)
+def restricted(log_posterior: LogPosterior, belongs: Callable[[FloatArray], NDArray[np.bool_]]) -> LogPosterior:
+    """The same function, -inf outside a region (not evaluated there) and where it returns nan."""
+
+    def within(points: FloatArray) -> FloatArray:
+        values, mine = np.full(len(points), -np.inf), belongs(points)
+        if mine.any():
+            found = np.asarray(log_posterior(points[mine]), dtype=float)
+            values[mine] = np.where(np.isnan(found), -np.inf, found)
         return values
 
-    return guarded
+    return within
+
+
+def safe(log_posterior: LogPosterior) -> LogPosterior:
+    """The same function, restricted to the unit cube."""
+    return restricted(log_posterior, in_cube)
 
 
 def start(
@@ -101,22 +111,6 @@ def start(
     )
 
 
-def moves(proposal: StudentTMixture, time: float, settings: SampleSettings) -> list[tuple[Move, float]]:
-    """Moves and their shares of the steps; `time` is the proposal's predicted autocorrelation time."""
-    from emcee.moves import DEMove, StretchMove  # late: emcee imports scipy.stats, which takes half a second
-
-    independence = settings.independence * min(1.0, settings.tolerated_time / time)
-    differential = DEMove()
-    differential.setup(proposal.means)  # step length for this number of parameters
-    mixture: list[tuple[Move, float]] = [
-        (IndependenceMove(proposal), independence),
-        (differential, settings.differential),
-        (StretchMove(), settings.stretch),
-        (SnookerMove(), settings.snooker),
-    ]
-    return [(move, share) for move, share in mixture if share > 0]
-
-
 def advance(
     log_posterior: LogPosterior,
     ensembles: Sequence[Ensemble],
@@ -128,7 +122,7 @@ def advance(
     They share the kind of move of each step, and thus the call of the posterior, which is cheaper per point the more
     points it gets. All else each draws from its own generator: they stay independent.
     """
-    randoms = [_generator(ensemble.random_state) for ensemble in ensembles]
+    randoms = [ensemble.generator() for ensemble in ensembles]
     positions = np.stack([ensemble.positions for ensemble in ensembles])
     log_prob = np.stack([ensemble.log_prob for ensemble in ensembles])
     accepted = np.stack([ensemble.accepted for ensemble in ensembles])
@@ -176,9 +170,3 @@ def _step(
         place = active[0][taken], active[1][taken]
         positions[place], log_prob[place] = new[taken], values[taken]
         accepted[place] += 1
-
-
-def _generator(state: RandomState) -> np.random.RandomState:
-    random = np.random.RandomState()
-    random.set_state(state)
-    return random

@@ -1,4 +1,4 @@
-"""The independence proposal: a mixture of Student-t distributions, fitted to draws and rated by the autocorrelation."""
+"""The independence proposal: a mixture of Student-t distributions, fitted to draws, and its autocorrelation time."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.special import gammaln, logsumexp
 
@@ -17,6 +18,11 @@ MOST_COMPONENTS = 16
 """Each needs some dozens of draws to be fitted to."""
 WORTHWHILE = 0.9
 """Twice as many components are kept if they shorten the autocorrelation by a tenth."""
+
+
+def in_cube(points: FloatArray) -> NDArray[np.bool_]:
+    """Which points (n, d) lie in the unit cube, shape (n,)."""
+    return np.all((points >= 0) & (points <= 1), axis=1)
 
 
 @dataclass(frozen=True)
@@ -86,7 +92,7 @@ class StudentTMixture:
         """
         draws = self.draw(random, count)
         for _ in range(rounds - 1):
-            missing = np.flatnonzero(np.any((draws < 0) | (draws > 1), axis=1))
+            missing = np.flatnonzero(~in_cube(draws))
             if missing.size == 0:
                 break
             draws[missing] = self.draw(random, len(missing))

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import log_ndtr, logsumexp, ndtri_exp
 
 from mofit._typing import FloatArray
-from mofit.sampling.ensemble import LogPosterior
 
 PRIOR_PRECISION = 12.0
 """Inverse variance of the uniform distribution on [0, 1]."""
@@ -106,19 +105,6 @@ def mode_region(
         return np.asarray(np.argmin(predicted, axis=1) == number)
 
     return belongs
-
-
-def restricted(log_posterior: LogPosterior, belongs: Callable[[FloatArray], NDArray[np.bool_]]) -> LogPosterior:
-    """The log posterior restricted to a region; -inf outside, where it is not evaluated."""
-
-    def within(points: FloatArray) -> FloatArray:
-        values = np.full(len(points), -np.inf)
-        mine = belongs(points)
-        if mine.any():
-            values[mine] = log_posterior(points[mine])
-        return values
-
-    return within
 
 
 def _log_box_probability(factor: FloatArray, low: FloatArray, high: FloatArray) -> float:

@@ -1,4 +1,4 @@
-"""Moves beside emcee's: an independent draw from a Student-t mixture, and a snooker step."""
+"""The moves of the walkers: emcee's, an independent draw from a Student-t mixture, and a snooker step."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.sampling.independence_proposal import StudentTMixture
+from mofit.sampling.settings import SampleSettings
 
 
 class Move(Protocol):
@@ -81,3 +82,19 @@ class SnookerMove:
         new = s + self.gamma * along * np.sum(along * (a - b), axis=1)[:, None]
         ratio = np.linalg.norm(new - z, axis=1) / distance
         return new, (s.shape[1] - 1) * np.log(ratio)
+
+
+def moves(proposal: StudentTMixture, time: float, settings: SampleSettings) -> list[tuple[Move, float]]:
+    """Moves and their shares of the steps; `time` is the proposal's predicted autocorrelation time."""
+    from emcee.moves import DEMove, StretchMove  # late: emcee imports scipy.stats, which takes half a second
+
+    independence = settings.independence * min(1.0, settings.tolerated_time / time)
+    differential = DEMove()
+    differential.setup(proposal.means)  # step length for this number of parameters
+    mixture: list[tuple[Move, float]] = [
+        (IndependenceMove(proposal), independence),
+        (differential, settings.differential),
+        (StretchMove(), settings.stretch),
+        (SnookerMove(), settings.snooker),
+    ]
+    return [(move, share) for move, share in mixture if share > 0]

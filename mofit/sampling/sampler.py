@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mofit._typing import FloatArray
 from mofit.sampling.chains import Chains, assess
-from mofit.sampling.checkpoint import Checkpoints, Store, origin
+from mofit.sampling.checkpoint import Checkpoints
 from mofit.sampling.ensemble import LogPosterior, safe
 from mofit.sampling.settings import SampleSettings
 from mofit.sampling.state import begin, burn_in, extend, produce
@@ -68,9 +67,11 @@ def sample_mode(
     settings = settings or SampleSettings()
     target = safe(log_posterior)
     start = np.asarray(centre, dtype=float)
-    store = _store(backend_path, mode, start, seed, settings)
-    run = store.load() if store else None
-    checkpoints = Checkpoints(store, settings.checkpoint_seconds, run)
+    deciding = {key: value for key, value in asdict(settings).items() if key != "checkpoint_seconds"}
+    origin = {"seed": seed, "settings": deciding, "dimension": len(start)}
+    path = None if backend_path is None else Path(backend_path)
+    checkpoints = Checkpoints(path, mode, origin, start, settings.checkpoint_seconds)
+    run = checkpoints.load()
     if run is None:
         run = begin(target, start, np.asarray(covariance, dtype=float), np.random.SeedSequence(seed), settings)
     while not run.settled:
@@ -88,15 +89,6 @@ def sample_mode(
             return chains
         steps = _next_chunk(chains, settings)
         run = checkpoints.save(extend(target, run, settings, steps, chains.tau))
-
-
-def _store(
-    path: str | Path | None, mode: str, centre: FloatArray, seed: int | Sequence[int], settings: SampleSettings
-) -> Store | None:
-    if path is None:
-        return None
-    deciding = {key: value for key, value in asdict(settings).items() if key != "checkpoint_seconds"}
-    return Store(Path(path), mode, origin(seed=seed, settings=deciding, dimension=len(centre)), centre)
 
 
 def _next_chunk(chains: Chains, settings: SampleSettings) -> int:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.sampling.convergence import outliers
-from mofit.sampling.ensemble import Ensemble, LogPosterior, advance, moves, start
+from mofit.sampling.ensemble import Ensemble, LogPosterior, advance, start
 from mofit.sampling.independence_proposal import DEGREES_OF_FREEDOM, StudentTMixture, best_proposal
+from mofit.sampling.moves import moves
 from mofit.sampling.settings import SampleSettings
 
 
@@ -66,9 +67,7 @@ def begin(
 ) -> Run:
     """Walkers drawn from the Laplace approximation, each ensemble with a seed of its own."""
     walkers = settings.walkers_for(len(centre))
-    started = [
-        start(log_posterior, centre, covariance, walkers, own_seed) for own_seed in seed.spawn(settings.ensembles)
-    ]
+    started = [start(log_posterior, centre, covariance, walkers, own) for own in seed.spawn(settings.ensembles)]
     return Run(
         ensembles=tuple(ensemble for ensemble, _ in started),
         proposal=StudentTMixture.single(centre, covariance, DEGREES_OF_FREEDOM[0]),
@@ -127,8 +126,7 @@ def _gathered(ensemble: Ensemble, lost: NDArray[np.bool_]) -> Ensemble:
     """The ensemble with an empty chain, its lost walkers on places where others of its later burn-in have been."""
     if not lost.any() or lost.all():
         return Ensemble.at(ensemble.positions, ensemble.log_prob, ensemble.random_state)
-    random = np.random.RandomState()
-    random.set_state(ensemble.random_state)
+    random = ensemble.generator()
     step = random.randint(len(ensemble.chain) // 2, len(ensemble.chain), size=lost.sum())
     walker = random.choice(np.flatnonzero(~lost), size=lost.sum())
     positions, log_prob = ensemble.positions.copy(), ensemble.log_prob.copy()
