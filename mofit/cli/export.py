@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from mofit.cli.app import DONE, app, new_file, print_json
-from mofit.cli.options import Json
+from mofit.cli.app import DONE, Json, app, new_file, print_json
 
 
 @app.command
@@ -42,8 +41,7 @@ def export(
         File to write; by default the model's name with the ending of the format.
     """
     from mofit.results import open_result
-    from mofit.results.export_model import c_source, identified_function, model_of_run
-    from mofit.results.export_parameters import parameters_csv, parameters_toml
+    from mofit.results.export import c_source, identified_function, model_of_run, parameters_csv, parameters_toml
     from mofit.runtime.files import atomic_path
 
     tree = open_result(run)

@@ -2,9 +2,8 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import open_result, write_result
-from mofit.results.parameters import fixed_values, parameter_layout
+from mofit.results.reading import parameter_layout, summary
 from mofit.results.schema import OWN_UNIT, SCHEMA
-from mofit.results.summary import summary
 from mofit.results.variables import (
     Signal,
     axis,
@@ -24,7 +23,6 @@ __all__ = [
     "cochran",
     "draw_axes",
     "draws_dataset",
-    "fixed_values",
     "group_dataset",
     "open_result",
     "parameter_axis",

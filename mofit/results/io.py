@@ -1,42 +1,36 @@
-"""The result file of a run: written atomically, read whole, checked both times."""
+"""The result file of a run: checked against the schema, written atomically, read whole."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import xarray as xr
 
-from mofit.errors import Issue, raise_errors
-from mofit.results.check import check_result
+from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.results.schema import EARLIER, GROUPS, JSON_ATTRIBUTES, SAMPLED, SCHEMA, group_at
 from mofit.runtime.files import read_tree, write_tree
 
 RESULT_FILE = "result.nc"
 
+_HINT = "Write the run again with this version of mofit"
+
 
 def write_result(tree: xr.DataTree, folder: Path | str) -> Path:
-    """Write ``result.nc`` (netCDF-4, compressed) into a run folder, atomically.
+    """Write ``result.nc`` (netCDF-4, compressed) of a ``mofit.result/2`` tree into a run folder; returns the file.
 
-    Parameters
-    ----------
-    tree
-        A ``mofit.result/2`` tree.
-    folder
-        Created if it isn't there.
-
-    Returns
-    -------
-    Path
-        The file written.
+    The folder is created if it is not there.
 
     Raises
     ------
     InputError
-        If the tree isn't as `check_result` wants it; nothing is written then.
+        If the tree fails `check_result`; nothing is written then.
     """
     raise_errors(check_result(tree))
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    target = folder / RESULT_FILE
+    target = Path(folder) / RESULT_FILE
+    target.parent.mkdir(parents=True, exist_ok=True)
     # nearly the size of level 9 on sampled signals, several times faster
     write_tree(tree, target, level=1)
     return target
@@ -62,3 +56,112 @@ def open_result(source: Path | str) -> xr.DataTree:
     issues = check_result(loaded)
     raise_errors(Issue(f"{path.name}, {issue.where}", issue.message, issue.hint, issue.severity) for issue in issues)
     return loaded
+
+
+def check_result(tree: xr.DataTree) -> list[Issue]:
+    """Compare a tree with the layout of ``mofit.result/2``.
+
+    Returns
+    -------
+    list of Issue
+        Everything that is missing or has other dimensions, and every variable without unit or name; empty if the tree
+        is good. Groups and variables beyond the layout are allowed.
+    """
+    schema = tree.attrs.get("schema", "none")
+    if schema in EARLIER:
+        return [Issue("result", f"an earlier version of mofit wrote it ('{schema}')", "Run the identification again")]
+    if schema != SCHEMA:
+        return [Issue("result", f"its schema is '{schema}', not '{SCHEMA}'", "Give the folder or result.nc of a run")]
+    return [*_issues(tree)]
+
+
+def _issues(tree: xr.DataTree) -> Iterator[Issue]:
+    for path, group in GROUPS.items():
+        if group.required and path != "/" and path[1:] not in tree.children:
+            yield Issue(f"group '{path[1:]}'", "it is missing", _HINT)
+    for name in JSON_ATTRIBUTES:
+        try:
+            json.loads(tree.attrs.get(name, "{}"))
+        except (TypeError, ValueError) as error:
+            yield Issue(f"attribute '{name}'", f"it is not JSON ({error})", _HINT)
+    for node in tree.subtree:
+        yield from _check_group(node)
+        yield from _check_labels(node)
+    for mode in tree["modes"].children.values() if "modes" in tree.children else ():
+        yield from _check_mode(mode)
+    yield from _check_signals(tree)
+
+
+def _where(node: xr.DataTree) -> str:
+    return f"group '{node.path.strip('/') or '/'}'"
+
+
+def _labels(node: xr.DataTree, dim: str) -> list[str]:
+    return [str(label) for label in node.coords[dim].values] if dim in node.coords else []
+
+
+def _check_group(node: xr.DataTree) -> Iterator[Issue]:
+    """Attributes, names and dimensions as the schema has them."""
+    group, name_of_group = group_at(node.path)
+    for name in group.attributes:
+        if name not in node.attrs:
+            yield Issue(_where(node), f"attribute '{name}' is missing", _HINT)
+    for name, variable in group.variables.items():
+        dims = tuple(variable.dims.format(stage=name_of_group).split())
+        if name not in node.variables:
+            if variable.required:
+                hint = did_you_mean(name, map(str, node.data_vars))
+                yield Issue(_where(node), f"variable '{name}' is missing", hint)
+        elif node[name].dims != dims:
+            message = f"its dimensions are {node[name].dims}, not {dims}"
+            yield Issue(f"{_where(node)}, variable '{name}'", message, _HINT)
+
+
+def _check_mode(node: xr.DataTree) -> Iterator[Issue]:
+    """With posterior draws a mode has their summary, too, and draws of every parameter."""
+    if "posterior" not in node.children:
+        return
+    for name in SAMPLED:
+        if name not in node.variables:
+            yield Issue(_where(node), f"it has a posterior but no '{name}'", _HINT)
+    posterior = node.children["posterior"]
+    for name in _labels(node, "parameter"):
+        if name not in posterior.data_vars:
+            yield Issue(_where(posterior), f"parameter '{name}' is missing", _HINT)
+    for variable_name, variable in posterior.data_vars.items():
+        if variable.dims != ("chain", "draw"):
+            yield Issue(_where(posterior), f"'{variable_name}' runs over {variable.dims}", _HINT)
+    if "sample_stats" not in node.children:
+        yield Issue(_where(node), "it has a posterior but no 'sample_stats'", _HINT)
+
+
+def _check_signals(tree: xr.DataTree) -> Iterator[Issue]:
+    """Signals of a test run over ``time_<test>``."""
+    tests = _labels(tree, "test")
+    for node in tree.subtree:
+        if node.name not in ("observed_data", "prediction", "posterior_predictive"):
+            continue
+        lead = ("chain", "draw") if node.name == "posterior_predictive" else ()
+        for name, variable in node.data_vars.items():
+            where = f"{_where(node)}, variable '{name}'"
+            if name not in tests:
+                yield Issue(where, "no test has this name", did_you_mean(str(name), tests))
+            elif variable.dims != (*lead, f"time_{name}"):
+                yield Issue(where, f"its dimensions are {variable.dims}, not {(*lead, f'time_{name}')}", _HINT)
+    if "observed_data" in tree.children:
+        for name in set(tests) - set(map(str, tree["observed_data"].data_vars)):
+            yield Issue("group 'observed_data'", f"test '{name}' is missing", _HINT)
+
+
+def _check_labels(node: xr.DataTree) -> Iterator[Issue]:
+    """Every variable has a unit and a name, and holds numbers or strings."""
+    dataset = node.to_dataset(inherit=False)
+    for name, variable in dataset.variables.items():
+        if name in dataset.dims and not str(name).startswith("time"):
+            continue
+        where = f"{_where(node)}, variable '{name}'"
+        for label in ("units", "long_name"):
+            if not isinstance(variable.attrs.get(label), str) or not variable.attrs[label]:
+                yield Issue(where, f"it has no {label}", "Label it")
+        if variable.dtype.kind == "O" and not all(isinstance(v, str) for v in np.ravel(variable.values)):
+            yield Issue(where, "it holds Python objects", "Give numbers or strings")

@@ -19,14 +19,10 @@ def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name
 
     Parameters
     ----------
-    dims
-        Names of the dimensions, in the order of the array's axes.
-    values
-        Numbers in SI units, or strings.
-    units
-        SI unit; ``"1"`` if there is none.
-    long_name
-        What the variable is, in a few words.
+    dims, values
+        Dimensions in the order of the array's axes; numbers in SI units, or strings.
+    units, long_name
+        SI unit, ``"1"`` without one; and what the variable is, in a few words.
     """
     return xr.Variable(dims, np.asarray(values), {"units": units, "long_name": long_name})
 
@@ -50,14 +46,10 @@ def group_dataset(
 
     Parameters
     ----------
-    path
+    path, attributes
         Of the group: ``"/search"``, ``"/modes/m1"``.
-    values
-        Of the variables by name; all of them are in the schema.
-    coords
-        Labels along their dimensions.
-    attributes
-        Of the group.
+    values, coords
+        Variables by name, all of them in the schema, and the labels along their dimensions.
     units, long_names
         Of variables for which the schema leaves them to the model.
     """
@@ -95,14 +87,14 @@ def parameter_axis(names: Iterable[str], units: Iterable[str], dim: str = "param
 class Signal:
     """One signal of one test, or many draws of it.
 
+    Lengths differ between tests, so the time dimension is ``time_<test>``.
+
     Parameters
     ----------
     test
-        Name of the test; the time dimension is called ``time_<test>`` since lengths differ between tests.
-    time
-        Shape (n,), s.
-    values
-        Shape (n,), or (chain, draw, n) for draws from a posterior.
+        Name of the test.
+    time, values
+        Shape (n,), s; and (n,), or (chain, draw, n) for draws from a posterior.
     units, long_name
         As in `quantity`.
     """
@@ -115,13 +107,7 @@ class Signal:
 
 
 def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
-    """Signals of several tests in one dataset, each over its own ``time_<test>``.
-
-    Parameters
-    ----------
-    signals
-        Variable name to signal, e.g. ``{"sine_1": ..., "sine_1_slip_angle": ...}``.
-    """
+    """Signals of several tests by variable (``sine_1``, ``sine_1_slip_angle``), each over its own ``time_<test>``."""
     variables, coords = {}, {}
     for name, signal in signals.items():
         time = f"time_{signal.test}"

@@ -19,7 +19,7 @@ from mofit.errors import InputError
 from mofit.identification.identify import Settings, identify
 from mofit.models import find_model
 from mofit.results import open_result
-from mofit.results.export_parameters import parameters_csv
+from mofit.results.export import parameters_csv
 from mofit.workflows.jobs import Job, identify_file
 
 VOLATILE = ("created", "seconds")

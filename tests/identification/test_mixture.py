@@ -10,7 +10,7 @@ from mofit.identification.settings import Settings
 from mofit.models import Channel, Equations, Model
 from mofit.parameters import Parameter
 from mofit.report import build_uncertainty
-from mofit.results.check import check_result
+from mofit.results.io import check_result
 
 
 class InclinedSpring(Model):

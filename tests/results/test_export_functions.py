@@ -11,7 +11,7 @@ import xarray as xr
 from mofit.errors import InputError
 from mofit.models import build_system, with_effects
 from mofit.models.registry import effect_names, find_effect, find_model, model_names
-from mofit.results.export_model import c_source, identified_function, model_of_run
+from mofit.results.export import c_source, identified_function, model_of_run
 from mofit.simulation import ExperimentData, Simulator
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")

@@ -11,7 +11,7 @@ from synthetic_rigs import tyre
 
 from mofit.cli import main
 from mofit.results import quantity, summary, write_result
-from mofit.results.export_parameters import parameters_csv, parameters_toml
+from mofit.results.export import parameters_csv, parameters_toml
 
 
 @pytest.fixture(scope="module")

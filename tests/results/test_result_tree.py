@@ -10,8 +10,7 @@ import xarray as xr
 
 from mofit.errors import InputError
 from mofit.results import Signal, draw_axes, group_dataset, parameter_layout, signal_dataset
-from mofit.results.check import check_result
-from mofit.results.io import RESULT_FILE, open_result, write_result
+from mofit.results.io import RESULT_FILE, check_result, open_result, write_result
 from mofit.runtime.files import atomic_path
 
 

@@ -1,17 +1,75 @@
-"""The identified model as one function of state, input and conditions, with the parameters in it."""
+"""What leaves a result: its parameters as TOML or CSV, its model as one function of state, input and conditions."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import xarray as xr
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Model, build_system, find_effect, find_model, with_effects
-from mofit.results.parameters import fixed_values
+from mofit.results.reading import fixed_values, summary
+from mofit.runtime.toml import toml_value
+
+#: numbers of a parameter, in the order of the columns: MAP estimate, posterior mean and sd, 5, 50 and 95 % quantiles
+_NUMBERS = ("value", "mean", "sd", "q05", "q50", "q95")
+_ORIGIN = ("title", "model", "campaign_title", "campaign_source", "campaign_hash", "mofit_version", "created", "seed")
+
+
+def parameters_csv(tree: xr.DataTree) -> str:
+    """One row per mode and parameter, best mode first.
+
+    Columns: ``mode``, ``probability`` (of the mode), ``parameter``, ``value`` (MAP estimate), ``mean``, ``sd``,
+    ``q05``, ``q50``, ``q95`` (posterior), ``unit`` and ``verdict``. A parameter that was fixed has a value
+    only, and the verdict ``fixed``.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("mode", "probability", "parameter", *_NUMBERS, "unit", "verdict"))
+    for mode, entries in _modes(tree):
+        for name, entry in entries.items():
+            numbers = ("" if entry[key] is None else repr(entry[key]) for key in _NUMBERS)
+            writer.writerow((mode["id"], _probability(mode), name, *numbers, entry["unit"], entry["verdict"]))
+    return text.getvalue()
+
+
+def parameters_toml(tree: xr.DataTree) -> str:
+    """A table ``[modes.m1.parameters.NAME]`` per mode and parameter, best mode first.
+
+    Keys as the columns of `parameters_csv`; a number that is not known is left out.
+    """
+    lines = [f"{key} = {toml_value(tree.attrs[key])}" for key in _ORIGIN if key in tree.attrs]
+    lines.append(f"converged = {'true' if tree.attrs['converged'] else 'false'}")
+    for mode, entries in _modes(tree):
+        errors = ", ".join(f"{toml_value(test)} = {e!r}" for test, e in mode["nrmsd"].items() if e is not None)
+        lines += ["", f"[modes.{mode['id']}]", f"probability = {_probability(mode)}", f"nrmsd = {{ {errors} }}"]
+        for name, entry in entries.items():
+            lines += ["", f"[modes.{mode['id']}.parameters.{name}]"]
+            lines += [f"{key} = {entry[key]!r}" for key in _NUMBERS if entry[key] is not None]
+            lines += [f"unit = {toml_value(entry['unit'])}", f"verdict = {toml_value(entry['verdict'])}"]
+    return "\n".join([*lines, ""])
+
+
+def _modes(tree: xr.DataTree) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Every mode of the summary with the entries of its parameters, then those of the fixed ones."""
+    known = tree["fixed"].data_vars if "fixed" in tree.children else {}
+    fixed = {}
+    for name, value in fixed_values(tree).items():
+        unit = str(known[name].attrs["units"]) if name in known else "SI"
+        fixed[name] = {**dict.fromkeys(_NUMBERS), "value": value, "unit": unit, "verdict": "fixed"}
+    for mode in summary(tree, Path())["modes"]:
+        yield mode, {**mode["parameters"], **fixed}
+
+
+def _probability(mode: Mapping[str, Any]) -> str:
+    return "nan" if mode["probability"] is None else repr(mode["probability"])
 
 
 def model_of_run(tree: xr.DataTree, model: str | None = None, effects: Sequence[str] = ()) -> Model:
@@ -88,7 +146,8 @@ def c_source(function: ca.Function, model: Model, origin: Mapping[str, str]) -> 
         Provenance of the numbers, for the comment.
     """
     name = function.name()
-    inner = ca.Function(f"{name}_casadi", *_symbolic(function))
+    inputs = function.sx_in()
+    inner = ca.Function(f"{name}_casadi", inputs, function.call(inputs))
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": False, "casadi_int": "int", "verbose": False})
     generator.add(inner)
     sizes = [max(1, n) for n in (inner.sz_arg(), inner.sz_res(), inner.sz_iw(), inner.sz_w())]
@@ -109,11 +168,6 @@ int {name}(const double* x, const double* u, const double* c, double* xdot, doub
 }}
 """
     return "\n".join(["/*", *_comment(name, model, origin), "*/", str(generator.dump()), face])
-
-
-def _symbolic(function: ca.Function) -> tuple[list[ca.SX], list[ca.SX]]:
-    inputs = function.sx_in()
-    return inputs, function.call(inputs)
 
 
 def _comment(name: str, model: Model, origin: Mapping[str, str]) -> list[str]:

@@ -1,0 +1,105 @@
+"""A result read as plain values: its parameters as a layout, its numbers as one JSON object."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
+
+
+def parameter_layout(tree: xr.DataTree) -> ParameterLayout:
+    """The free parameters of a ``mofit.result/2`` tree with their unit cube, then those that were fixed."""
+    table = tree["parameters"].dataset
+    texts = ("parameter", "unit", "scale", "description")
+    columns = [[str(text) for text in table[name].values] for name in texts]
+    bounds = np.stack([table[name].values for name in ("lower", "upper", "nominal")], axis=1)
+    space = ParameterSpace(
+        tuple(
+            Parameter(name, unit, low, high, nominal, "log" if scale == "log" else "linear", description)
+            for name, unit, scale, description, (low, high, nominal) in zip(*columns, bounds.tolist(), strict=True)
+        )
+    )
+    fixed = fixed_values(tree)
+    return ParameterLayout((*space.names, *fixed), space, fixed)
+
+
+def fixed_values(tree: xr.DataTree) -> dict[str, float]:
+    """Parameters that the run did not identify, with the values it fixed them at (``--fix``)."""
+    return {name: float(value) for name, value in json.loads(tree.attrs["configuration"]).get("fixed", {}).items()}
+
+
+def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
+    """The numbers of a ``mofit.result/2`` tree as ``mofit identify --json`` prints them; not finite is None.
+
+    `run` is the folder of the run.
+    """
+    seconds = json.loads(tree.attrs["seconds"])
+    units = tree["parameters"].dataset["unit"]
+    return {
+        "schema": "mofit.identify/2",
+        "run": str(run),
+        "converged": bool(tree.attrs["converged"]),
+        "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
+        "evaluations": json.loads(tree.attrs["evaluations"]),
+        "noise_floor": _by_label(tree.dataset["noise_floor"]),
+        "baseline": _baseline(tree),
+        "modes": [_mode(name, node, units) for name, node in tree["modes"].children.items()],
+        "per_frequency": _per_frequency(tree),
+        "warnings": json.loads(tree.attrs["warnings"]),
+    }
+
+
+def _number(value: Any) -> float | None:
+    number = float(value)
+    return number if math.isfinite(number) else None
+
+
+def _by_label(values: xr.DataArray) -> dict[str, float | None]:
+    """Numbers over one dimension by its labels."""
+    (dim,) = values.dims
+    return {str(label): _number(value) for label, value in zip(values[dim].values, values.values, strict=True)}
+
+
+def _baseline(tree: xr.DataTree) -> dict[str, Any] | None:
+    if "baseline" not in tree.children:
+        return None
+    node = tree["baseline"]
+    return {"model": node.attrs["model"], "nrmsd": _by_label(node.dataset["nrmsd"])}
+
+
+def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
+    found = node.to_dataset(inherit=False)
+    entries = {}
+    for parameter in found["parameter"].values:
+        at = found.sel(parameter=parameter)
+        entries[str(parameter)] = {
+            **{key: _number(at[key]) for key in ("value", "mean", "sd", "q05", "q50", "q95")},
+            "unit": str(units.sel(parameter=parameter).item()),
+            "verdict": str(at["verdict"].item()),
+        }
+    return {
+        "id": name,
+        "probability": _number(node.attrs["probability"]),
+        "log_evidence": _number(node.attrs["log_evidence"]),
+        "nrmsd": _by_label(node.dataset["nrmsd"]),
+        "parameters": entries,
+    }
+
+
+def _per_frequency(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """One entry per test and minimum, as in the paper's Table 4."""
+    if "per_frequency" not in tree.children:
+        return []
+    node = tree["per_frequency"].dataset
+    return [
+        {"test": str(test), "nrmsd": float(at["nrmsd"]), "parameters": _by_label(at["value"])}
+        for test in node["test"].values
+        for minimum in range(node.sizes["minimum"])
+        if np.isfinite((at := node.sel(test=test).isel(minimum=minimum))["nrmsd"])
+    ]
