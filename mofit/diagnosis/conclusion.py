@@ -104,13 +104,13 @@ class Finding:
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter."""
-        enough = self.left_of_peak > settings.verdict.residual_of_peak
-        return self.left_p_value < settings.significance.residual and enough
+        enough = self.left_of_peak > settings.residual_of_peak
+        return self.left_p_value < settings.residual_p_value and enough
 
     def verdict(self, settings: DiagnosisSettings) -> Verdict:
         """The verdict."""
-        rules, several = settings.verdict, len(self.effects) > 1
-        limit = rules.residual_share_of_several if several else rules.residual_share
+        several = len(self.effects) > 1
+        limit = settings.residual_share_of_several if several else settings.residual_share
         unexplained = self.beyond_noise(settings) and self.left_share > limit
         if not self.significant or not (self.effects or unexplained):
             return "none"
@@ -131,9 +131,9 @@ def conclude(
     ``reported_share`` replaces the share that is left in the sentence, where the final estimates leave another than
     the one that the verdict rests on.
     """
-    best, rules, residual = found.best, settings.verdict, settings.significance.residual
+    best, residual = found.best, settings.residual_p_value
     several = len(best.effects) > 1
-    limit = best.criterion + (rules.indistinguishable_of_several if several else rules.indistinguishable)
+    limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
     equal = tuple(one for one in found.models if one.effects and one.criterion < limit)
     first, last = found.baseline_residuals.squares(residual), found.best_residuals.squares(residual)
     total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())
@@ -142,7 +142,7 @@ def conclude(
     of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
     finding = Finding(
         effects=best.effects,
-        significant=found.p_value < settings.significance.gap,
+        significant=found.p_value < settings.gap_p_value,
         left_p_value=found.best_residuals.p_value,
         left_of_peak=float(of_peak.max()),
         left_share=share,
@@ -160,7 +160,7 @@ def conclude(
         return Conclusion("unknown", f"None of the known effects explains the gap{near}.", effects, equal, share)
     doubtful = doubtful_effects([one.effects for one in equal])
     others = [titles[name] for name in titles if name in doubtful and name not in best.effects]
-    rest = share if finding.beyond_noise(settings) and share > rules.reported_share else 0.0
+    rest = share if finding.beyond_noise(settings) and share > settings.reported_share else 0.0
     return Conclusion(verdict, cause(named, others, rest), effects, equal, share)
 
 

@@ -70,13 +70,13 @@ def diagnose(
     """
     began = time.process_time()
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
-    observed, start = set_up(model, campaign, settings, tests, simulators, rules)
+    observed, start = set_up(model, campaign, settings, tests, simulators)
     chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
     case, ignored = _investigate(observed, start, chosen, settings.seed, rules, progress), 0.0
-    if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.verdict.coarse:
+    if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.coarse:
         case, ignored = _relaxed(case, observed, chosen, settings.seed, progress)
     found, conclusion, candidates = case.found, case.conclusion, case.candidates
-    if ignored > 0 or found.best_residuals.p_value < rules.significance.residual:
+    if ignored > 0 or found.best_residuals.p_value < rules.residual_p_value:
         remainder = float(np.hypot(ignored, case.after.relative))
         found = with_final_estimates(found, observed, remainder, conclusion.indistinguishable)
         share = share_left(found.best.fitted, found.baseline)
@@ -86,7 +86,7 @@ def diagnose(
     progress("held-out tests", 0, 1, "")
     shrinkage = None if reason else cross_validate(found, candidates, settings.seed)
     # models that do not explain the gap need no discrimination
-    following = None if conclusion.verdict == "unknown" else next_experiment(observed, case.undecided)
+    undecided = () if conclusion.verdict == "unknown" else case.undecided
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,
@@ -97,7 +97,7 @@ def diagnose(
         homogeneity=tuple(homogeneity(case.found.baseline)),
         shrinkage=shrinkage,
         shrinkage_reason=reason or ("" if shrinkage else _NOT_HELD_OUT),
-        next_experiment=following,
+        next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=nrmsd(found.baseline),
         nrmsd_after=nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
@@ -126,7 +126,7 @@ class _Case:
         One that has all the effects of an indistinguishable one, and more, cannot be discriminated from it. With the
         effect present in the calibration tests or not: both count.
         """
-        equal, limit = self.conclusion.indistinguishable, self.found.best.criterion + self.settings.verdict.possible
+        equal, limit = self.conclusion.indistinguishable, self.found.best.criterion + self.settings.possible
         if len(equal) < 2:
             return equal
         known = {one.effects for one in equal} | {()}
@@ -153,7 +153,7 @@ class _Case:
         }
         best = left.pop(self.found.best.effects, np.inf)
         next_best = min(left.values(), default=np.inf)
-        return self.conclusion.verdict == "effect" and self.settings.verdict.coarse_factor * best < next_best
+        return self.conclusion.verdict == "effect" and self.settings.coarse_factor * best < next_best
 
 
 def _investigate(
@@ -189,7 +189,7 @@ def _relaxed(
     single = case.with_single_effects(settings)
     if single.dominated:
         return single, 0.0
-    ignored = settings.verdict.resolution * case.before.relative
+    ignored = settings.resolution * case.before.relative
     noisy, here = with_discrepancy(observed, ignored), single.found.baseline.minimum.point
     again = _investigate(noisy, here, effects, seed, settings, progress)
     return (again, ignored) if again.dominated else (case, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -12,11 +12,18 @@ from scipy.optimize import least_squares
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.integration import SimulatorCache, clipped, with_enough_steps
-from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.identification.calibration import Calibration
 from mofit.models import Effect, incompatibility, with_effects
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.simulation import Simulator
+
+#: Runge–Kutta steps per sampling interval in the calibration tests, which are slow.
+_STEPS = 4
+#: Largest change when the step is halved: of all whitened samples of a stage together (root of the sum of squares),
+#: and of the derivatives, relative.
+_OUTPUT_CHANGE, _SENSITIVITY_CHANGE = 0.3, 0.03
+#: Most evaluations when a stage is fitted again with an effect; it starts near its minimum.
+_EVALUATIONS = 30
 
 
 @dataclass(frozen=True)
@@ -66,14 +73,13 @@ class CalibrationStages:
         Free parameters of the main problem.
     calibrations
         The fitted stages.
-    simulators, settings
-        Compiled models; settings of the diagnosis.
+    simulators
+        Compiled models.
     """
 
     space: ParameterSpace
     calibrations: Sequence[Calibration]
     simulators: SimulatorCache
-    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
 
     def discrepancies(self, effect: Effect) -> list[Discrepancy]:
         """The effect at every point of its grid, in the dynamic tests alone and, where it moves the stages, in all."""
@@ -131,7 +137,7 @@ class CalibrationStages:
             with_effects(stage.model, effect),
             stage.experiments,
             (*names, *effect.size),
-            self.settings.integration.calibration_steps,
+            _STEPS,
         )
         layout = ParameterLayout(system.parameters, ParameterSpace(()), {**stage.layout.fixed, **start, **own})
 
@@ -150,7 +156,7 @@ class CalibrationStages:
 
         point = np.array([start[name] for name in names])
         if effect.states:
-            simulator = self._fine_enough(simulator, lambda at: simulated(at, point.tolist()))
+            simulator = _fine_enough(simulator, lambda at: simulated(at, point.tolist()))
 
         @lru_cache(maxsize=1)
         def rows(point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
@@ -164,7 +170,7 @@ class CalibrationStages:
                     point,
                     lambda x: -rows(tuple(x))[1][:, : len(names)],
                     x_scale="jac",
-                    max_nfev=self.settings.fit.stage_evaluations,
+                    max_nfev=_EVALUATIONS,
                 ).x
             # LAPACK would print of what is not finite
             slopes = np.asarray_chkfinite(rows(tuple(point))[1])
@@ -173,24 +179,13 @@ class CalibrationStages:
                 return point, np.asarray(sensitivity, dtype=np.float64)
         return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
 
-    def _fine_enough(
-        self, simulator: Simulator, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]
-    ) -> Simulator:
-        """The simulator with as many steps as residual and derivatives need."""
-        settings = self.settings.integration
 
-        def both(at: Simulator) -> FloatArray:
-            residual, slopes = rows(at)
-            return clipped(np.column_stack([residual, slopes]))
+def _fine_enough(simulator: Simulator, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]) -> Simulator:
+    """The simulator with as many steps as residual and derivatives need."""
 
-        def change(coarse: FloatArray, fine: FloatArray) -> float:
-            residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
-            sizes = np.linalg.norm(fine, axis=0)[1:] + np.finfo(float).tiny
-            return float(
-                max(
-                    residual / settings.calibration_output_change,
-                    np.max(slopes / sizes) / settings.calibration_sensitivity_change,
-                )
-            )
+    def change(coarse: FloatArray, fine: FloatArray) -> float:
+        residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
+        sizes = np.linalg.norm(fine, axis=0)[1:] + np.finfo(float).tiny
+        return float(max(residual / _OUTPUT_CHANGE, np.max(slopes / sizes) / _SENSITIVITY_CHANGE))
 
-        return with_enough_steps(simulator, both, change, 1.0, settings, settings.calibration_steps)[0]
+    return with_enough_steps(simulator, lambda at: clipped(np.column_stack(rows(at))), change, 1.0, _STEPS)[0]

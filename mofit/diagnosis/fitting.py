@@ -12,14 +12,21 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import SimulatorCache
-from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.errors import InputError
 from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings
 from mofit.models import Model
-from mofit.optimize import Minimum, merge, refine
+from mofit.optimize import Minimum, RefineSettings, merge, refine
+
+#: Starts of the baseline beside the nominal values: with them as many as SIMD lanes.
+_STARTS = 7
+#: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
+#: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
+_REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
+#: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
+_FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=20)
 
 
 @dataclass(frozen=True)
@@ -134,13 +141,12 @@ def set_up(
     settings: Settings,
     tests: Sequence[str] = (),
     simulators: SimulatorCache | None = None,
-    diagnosis: DiagnosisSettings | None = None,
 ) -> tuple[WhitenedData, FloatArray]:
     """The whitened tests, and a start (d,): calibrated values, nominal ones where there are none."""
     setup = set_up_problem(model, campaign, settings, tests)
     problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs), diagnosis)
+    observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs))
     return observed, np.clip(problem.space.to_unit(values), 0.0, 1.0)
 
 
@@ -152,9 +158,8 @@ def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
     InputError
         If no start can be simulated.
     """
-    settings = model.observed.settings.fit
-    refine_settings = settings.fine_refine if model.steps >= settings.fine_steps else settings.refine
-    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), refine_settings))
+    settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
+    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), settings))
     if not found:
         raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
     here = model.linear(found[0].point[None])
@@ -168,8 +173,7 @@ def fit_baseline(observed: WhitenedData, start: FloatArray, seed: int) -> Fitted
     model = hypothesis(observed)
     searched = np.ones(len(start), dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
-    count = observed.settings.fit.starts
-    scattered = qmc.Sobol(len(start), rng=seed).random(count + 1)[:count]  # a power of two is balanced
+    scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
     starts = np.concatenate([start[None], np.where(searched, scattered, start)])
     model = model.at_steps_for(start[None])
     first = fit(model, starts)

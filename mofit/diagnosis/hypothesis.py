@@ -12,12 +12,14 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.models import Effect, System, with_effects
+from mofit.models import Effect, with_effects
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.simulation import ExperimentData, Simulator, experiment_data
 
 #: Most numbers in the Jacobians that are computed at once: 80 MB.
 _NUMBERS = 10**7
+#: Largest change of a whitened observation when the step is halved: small beside the noise, which is 1.
+_OUTPUT_CHANGE = 0.05
 
 
 @dataclass(frozen=True)
@@ -57,14 +59,13 @@ class Hypothesis:
         Effects that are added to the model of ``observed.problem``.
     layout
         All parameters of the system. Free are those of the problem, then those of the effects.
-    system, simulator
-        The model with effects; compiled.
+    simulator
+        The compiled model with effects.
     """
 
     observed: WhitenedData
     discrepancies: tuple[Discrepancy, ...]
     layout: ParameterLayout
-    system: System
     simulator: Simulator
 
     @property
@@ -142,7 +143,6 @@ class Hypothesis:
 
         Derivatives can diverge where outputs do not: those of a sharp dry friction do.
         """
-        settings = self.observed.settings.integration
 
         def rows(at: Simulator) -> FloatArray:
             found = replace(self, simulator=at).outputs(u)
@@ -152,8 +152,7 @@ class Hypothesis:
         def change(coarse: FloatArray, fine: FloatArray) -> float:
             return float(np.max(np.abs(fine - coarse)))
 
-        enough, _ = with_enough_steps(self.simulator, rows, change, settings.output_change, settings)
-        return replace(self, simulator=enough)
+        return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _OUTPUT_CHANGE)[0])
 
 
 def hypothesis(observed: WhitenedData, discrepancies: Sequence[Discrepancy] = ()) -> Hypothesis:
@@ -161,10 +160,9 @@ def hypothesis(observed: WhitenedData, discrepancies: Sequence[Discrepancy] = ()
     problem, effects = observed.problem, [one.effect for one in discrepancies]
     model = with_effects(problem.model, *effects)
     space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
-    fewest = observed.settings.integration.fewest_steps
-    system, simulator = observed.simulators.simulator(model, experiments_of(observed, effects), space.names, fewest)
+    system, simulator = observed.simulators.simulator(model, experiments_of(observed, effects), space.names)
     layout = ParameterLayout(system.parameters, space, problem.layout.fixed)
-    return Hypothesis(observed, tuple(discrepancies), layout, system, simulator)
+    return Hypothesis(observed, tuple(discrepancies), layout, simulator)
 
 
 def experiments_of(observed: WhitenedData, effects: Sequence[Effect]) -> Sequence[ExperimentData]:

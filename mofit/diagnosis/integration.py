@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.settings import IntegrationSettings
 from mofit.models import Model, System, build_system
 from mofit.simulation import ExperimentData, Simulator
 
@@ -15,6 +14,10 @@ from mofit.simulation import ExperimentData, Simulator
 DIVERGED = 1e100
 #: Whitened observations and derivatives as large as this come from an unstable integration, too.
 _UNSTABLE = 1e20
+#: Most Runge–Kutta steps per sampling interval: what is stiffer (a sharp dry friction) takes too long to fit.
+_MOST_STEPS = 16
+#: In slowly sampled records more steps keep fast states of an effect stable.
+_MOST_STEPS_TO_STABILISE = 64
 
 
 class SimulatorCache:
@@ -31,7 +34,7 @@ class SimulatorCache:
         self._compiled: dict[tuple[str, tuple[str, ...]], Simulator] = {}
 
     def simulator(
-        self, model: Model, experiments: Sequence[ExperimentData], free: Sequence[str], steps: int
+        self, model: Model, experiments: Sequence[ExperimentData], free: Sequence[str], steps: int = 1
     ) -> tuple[System, Simulator]:
         """The model as a system, and its simulator on these tests with a fixed number of Runge–Kutta steps."""
         system = build_system(model)
@@ -56,8 +59,7 @@ def with_enough_steps(
     rows: Callable[[Simulator], FloatArray],
     change: Callable[[FloatArray, FloatArray], float],
     allowed: float,
-    settings: IntegrationSettings,
-    fewest: int | None = None,
+    fewest: int = 1,
 ) -> tuple[Simulator, FloatArray]:
     """Double the steps until that no longer changes the result.
 
@@ -71,15 +73,15 @@ def with_enough_steps(
         Difference between two such results, with few and with twice as many steps.
     allowed
         Largest difference.
-    settings, fewest
-        Limits of the steps; the first number tried, if it is not the settings' fewest.
+    fewest
+        The first number of steps tried.
 
     Returns
     -------
     The simulator with the fewest sufficient steps, and its result.
     """
-    steps, coarse = fewest or settings.fewest_steps, None
-    while coarse is None or 2 * steps <= (settings.most_steps if stable(coarse) else settings.most_steps_to_stabilise):
+    steps, coarse = fewest, None
+    while coarse is None or 2 * steps <= (_MOST_STEPS if stable(coarse) else _MOST_STEPS_TO_STABILISE):
         # the finer one first: the loop compiled for it serves the coarser one too
         fine = rows(simulator.with_steps(2 * steps))
         here = simulator.with_steps(steps)

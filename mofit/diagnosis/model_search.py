@@ -12,7 +12,7 @@ from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.refit import CandidateModel, rated, refit
 from mofit.diagnosis.residual_tests import Residuals, residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
-from mofit.diagnosis.settings import DiagnosisSettings, SearchSettings
+from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.runtime.progress import Progress, silent
 
@@ -77,7 +77,7 @@ class _Search:
         """With refits of ``base`` plus each of the added effects."""
         present = [effect.name for effect in base.hypothesis.effects]
         fresh = [one for one in added if not self.tried([*present, one.name])]
-        contender = self.settings.search.contender
+        contender = self.settings.contender
         made: dict[str, CandidateModel] = {}
         lowest = self.best.criterion
         for number, one in enumerate(fresh):
@@ -116,16 +116,16 @@ def attribute(
     scores, residuals = score_tests(baseline, candidates), residual_tests(baseline)
     state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
     nothing = Attribution(baseline, residuals, tuple(scores), state.models, residuals)
-    if nothing.p_value >= settings.significance.gap:
+    if nothing.p_value >= settings.gap_p_value:
         return nothing
-    state = state.extended(baseline, _promising(scores, settings.search.promising, settings.search), progress)
-    if residual_tests(state.best.fitted).p_value < settings.significance.residual:
+    state = state.extended(baseline, _promising(scores, settings.promising, settings), progress)
+    if residual_tests(state.best.fitted).p_value < settings.residual_p_value:
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right
-        relaxed = _promising(scores, settings.search.relaxed_promising, settings.search)
+        relaxed = _promising(scores, settings.relaxed_promising, settings)
         state = state.extended(baseline, relaxed, progress)
-    for count in range(1, settings.search.most_effects):
+    for count in range(1, settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
-        share, doubt = settings.search.unexplained[count - 1], settings.search.doubt if count == 1 else 0.0
+        share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0
         state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
     return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted))
 
@@ -151,19 +151,19 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
     explains anything alone.
     """
     settings = state.settings
-    level = [one for one in state.models if len(one.effects) == count][: settings.search.most_refits]
+    level = [one for one in state.models if len(one.effects) == count][: settings.most_refits]
     if only_moved:
         level = [one for one in level if state.moved_by(one.fitted)]
     if not level:
         return state
     scores = [state.score_tests_at(level[0].fitted)]
     left = min([residual_tests(level[0].fitted).p_value, *(one.p_holm for one in scores[0])])
-    if left < settings.significance.one_more:
+    if left < settings.one_more_p_value:
         scores += [state.score_tests_at(one.fitted) for one in level[1:]]
         if only_moved:
             moved = [state.moved_by(one.fitted) for one in level]
             scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]
-        for base, added in best_extensions(level, scores, settings.search):
+        for base, added in best_extensions(level, scores, settings):
             state = state.extended(base, added, progress)
     best = state.best.effects
     for left_out in best if len(best) > 1 else ():
@@ -172,7 +172,7 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
 
 
 def best_extensions(
-    level: Sequence[CandidateModel], scores: Sequence[Sequence[ScoreTest]], settings: SearchSettings
+    level: Sequence[CandidateModel], scores: Sequence[Sequence[ScoreTest]], settings: DiagnosisSettings
 ) -> list[tuple[Fitted, list[ScoreTest]]]:
     """What to add to which model: the sets for which the score tests promise the best criteria.
 
@@ -199,7 +199,7 @@ def best_extensions(
     return [(base.fitted, added) for base in level if (added := [one for by, one in chosen if by is base])]
 
 
-def _promising(scores: Sequence[ScoreTest], share: float, settings: SearchSettings) -> list[ScoreTest]:
+def _promising(scores: Sequence[ScoreTest], share: float, settings: DiagnosisSettings) -> list[ScoreTest]:
     """Those with at least this share of the largest T, the largest first."""
     largest = max((one.statistic for one in scores), default=0.0)
     kept = [one for one in scores if one.statistic > share * largest and one.statistic > 0]

@@ -20,6 +20,11 @@ from mofit.diagnosis.whitening import Whitening
 from mofit.models import Model, with_effects
 from mofit.simulation import ExperimentData, experiment_data, first_input
 
+#: Runge–Kutta steps per sampling interval: no noise is known yet that would say how few are enough.
+_STEPS = 8
+#: Multiple of the largest measured output past which a simulation has diverged.
+_DIVERGENCE = 100.0
+
 
 @dataclass(frozen=True)
 class NextExperiment:
@@ -56,7 +61,7 @@ class NextExperiment:
 
 
 def next_experiment(
-    observed: WhitenedData, models: Sequence[CandidateModel], settings: NextExperimentSettings | None = None
+    observed: WhitenedData, models: Sequence[CandidateModel], settings: NextExperimentSettings
 ) -> NextExperiment | None:
     """The sine that leaves the fewest of several models; None if there is one only, or no sine to vary.
 
@@ -69,9 +74,8 @@ def next_experiment(
     models
         Models to discriminate between.
     settings
-        What is tried; those of the diagnosis by default.
+        What is tried.
     """
-    settings = settings or observed.settings.next_experiment
     usual = usual_sine(observed)
     if len({one.effects for one in models}) < 2 or usual is None:
         return None
@@ -213,9 +217,8 @@ def _responses(
     """Output (n,) and its derivative by the unit coordinates (n, d) in every experiment; nan where it diverges."""
     model = fitted.hypothesis
     extended = with_effects(observed.problem.model, *model.effects)
-    steps = observed.settings.integration.new_test_steps
     data = [_without_measurement(observed, extended, one) for one in experiments]
-    _, simulator = observed.simulators.simulator(extended, data, model.space.names, steps)
+    _, simulator = observed.simulators.simulator(extended, data, model.space.names, _STEPS)
     channel = observed.problem.model.outputs[0].name
     peak = max(float(np.max(np.abs(m.outputs[channel]))) for m in observed.problem.measurements)
     found = []
@@ -224,7 +227,7 @@ def _responses(
         used = experiment.time >= settings.settling / float(experiment.frequency or 1)
         with np.errstate(over="ignore", invalid="ignore"):
             response, columns = output[0, used, 0], slopes[0, used, 0] * fitted.derivative
-        if not np.max(np.abs(output[0, :, 0])) < settings.divergence * peak:
+        if not np.max(np.abs(output[0, :, 0])) < _DIVERGENCE * peak:
             response, columns = np.full_like(response, np.nan), np.zeros_like(columns)
         found.append((response, columns))
     return found

@@ -14,8 +14,18 @@ from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.score_test import ScoreTest
-from mofit.diagnosis.settings import FitSettings
 from mofit.errors import InputError
+
+#: Grid points of an effect that a refit starts from, each twice: with the typical size no more than lanes.
+_GRID_STARTS = 3
+#: Starts along an effect that moves a condition of the tests: one per turn of the wheel; and how far they reach to each
+#: side, in standard deviations of the effect's size.
+_CONDITION_STARTS, _CONDITION_REACH = 13, 3.0
+#: Most rounds of refitting the calibration stages and the model in turn, and the change of the log posterior at which
+#: they end.
+_ROUNDS, _TOLERANCE = 10, 0.1
+#: Largest decrease of the sum of squares to expect of the first of those rounds, generously.
+_GAIN = 300.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +105,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | N
     steps = max(old.steps, added.candidate.steps) if added.effect.states else old.steps
     try:
         first = fit(new.with_steps(steps), np.array(starts))
-        found = settled(first, limit, old.observed.settings.fit, with_stages)
+        found = settled(first, limit, with_stages)
     except InputError:
         return None
     return found.without_tables() if is_reliable(found) else None
@@ -112,7 +122,7 @@ def is_reliable(found: Fitted) -> bool:
     return bool(np.isfinite(finer.evaluate(found.minimum.point[None])[0]).all())
 
 
-def settled(found: Fitted, limit: float, settings: FitSettings, again: Callable[[Fitted], Fitted]) -> Fitted:
+def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> Fitted:
     """The model and the stages that its effects are present in, fitted in turn until nothing changes.
 
     Or until the model would not reach the ``limit`` at the pace of the last round. Where the fits alternate between two
@@ -122,20 +132,18 @@ def settled(found: Fitted, limit: float, settings: FitSettings, again: Callable[
     ----------
     found, limit
         As in `refit`.
-    settings
-        Of the rounds.
     again
         One round: see `with_stages`.
     """
-    before, gain = found, settings.stage_gain
-    for left in reversed(range(settings.stage_rounds)):
+    before, gain = found, _GAIN
+    for left in reversed(range(_ROUNDS)):
         if 2 * found.minimum.value - limit > gain:
             return found
         before, found = found, again(found)
         change = abs(found.minimum.value - before.minimum.value)
         gain = 2 * left * change
         present = any(one.present_in_calibration for one in found.hypothesis.discrepancies)
-        if change < settings.stage_tolerance or not present:
+        if change < _TOLERANCE or not present:
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 
@@ -158,7 +166,7 @@ def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest) -> Iterator[F
         for i in np.argsort(-added.statistics, kind="stable")
         if points[i].present_in_calibration == added.discrepancy.present_in_calibration
     ]
-    for place in order[: new.observed.settings.fit.grid_starts]:
+    for place in order[:_GRID_STARTS]:
         sizes = zip(added.effect.size, added.sizes[place], strict=True)
         values = {name: added.effect.neutral[name] + float(size) for name, size in sizes} | dict(points[place].point)
         yield _start(new, here, values)
@@ -167,11 +175,10 @@ def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest) -> Iterator[F
 
 def _along(new: Hypothesis, fitted: Fitted, added: ScoreTest) -> Iterator[FloatArray]:
     """The fitted parameters, one that moves a condition which the added effect needs varied, without the added one."""
-    settings = new.observed.settings.fit
     here, sd = _start(new, fitted.minimum.point, added.effect.neutral), fitted.sd()
     for name in [name for effect in effects_moving(fitted, added.effect.needs) for name in effect.size]:
         column = new.space.index(name)
-        for step in np.linspace(-settings.condition_reach, settings.condition_reach, settings.condition_starts):
+        for step in np.linspace(-_CONDITION_REACH, _CONDITION_REACH, _CONDITION_STARTS):
             start = here.copy()
             start[column] = np.clip(start[column] + step * sd[column], 0.0, 1.0)
             yield start

@@ -16,8 +16,12 @@ from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.results import cochran
 from mofit.simulation import first_input
 
+#: Cells of the map over input and rate, each way, and intervals of a record in the map over time.
+_CELLS, _INTERVALS = 12, 10
 #: Standard deviation of a uniform prior over the box.
 _PRIOR_SD = 12**-0.5
+#: Standard deviation, relative to that, from which a single test says nothing of a parameter.
+_WIDEST = 0.5
 
 
 @dataclass(frozen=True)
@@ -158,7 +162,7 @@ def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
         errors.append(np.full(w.count, np.sqrt(np.mean(w.process.spectrum))))
     x, v, g, e = (np.concatenate(part) for part in (inputs, rates, gaps, errors))
     ends = [np.quantile(part, (0.001, 0.999)) for part in (x, v)]
-    edges = [np.linspace(low, high, observed.settings.residual.map_cells + 1) for low, high in ends]
+    edges = [np.linspace(low, high, _CELLS + 1) for low, high in ends]
     count, total, squares = (
         np.histogram2d(x, v, bins=edges, weights=weights)[0] for weights in (np.ones(len(x)), g, e**2)
     )
@@ -170,7 +174,7 @@ def _time_maps(observed: WhitenedData, gaps: Sequence[FloatArray]) -> list[TimeM
     maps = []
     for (test, _, w), gap in zip(observed.records, gaps, strict=True):
         measurement = observed.problem.measurements[test]
-        intervals = min(observed.settings.residual.map_intervals, max(len(gap) // 8, 1))
+        intervals = min(_INTERVALS, max(len(gap) // 8, 1))
         cuts = np.array_split(np.arange(len(gap)), intervals)
         maps.append(
             TimeMap(
@@ -227,7 +231,7 @@ def homogeneity(fitted: Fitted) -> list[Homogeneity]:
     for k, parameter in enumerate(space.parameters):
         if parameter.name in observed.problem.prior.names:
             continue
-        good: NDArray[np.bool_] = sds[:, k] < observed.settings.residual.widest_estimate * _PRIOR_SD
+        good: NDArray[np.bool_] = sds[:, k] < _WIDEST * _PRIOR_SD
         good &= fitted.minimum.at_bound[k] == 0
         _, _, _, p, i_squared = cochran(moves[good, k], sds[good, k])
         place = np.repeat(point[None], int(good.sum()), axis=0)

@@ -11,10 +11,14 @@ from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted, Projection, project
-from mofit.diagnosis.periodic_disturbances import highest_frequency
-from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+from mofit.diagnosis.spectral_classes import HARMONICS, SPECTRAL_CLASSES, SUBHARMONICS, highest_frequency
 from mofit.diagnosis.whitened_data import WhitenedData
 
+#: Harmonics whose change with frequency is tested one by one, and the degree of the polynomial in log frequency that
+#: such a change follows.
+_SMOOTH_HARMONICS, _SMOOTH_DEGREE = 5, 2
+#: p-value, corrected for the number of tests, below which an entry of a residual map or a residual test is listed.
+LISTED = 0.01
 #: Test names that need other words than "NAME in all tests together".
 _PHRASES = {one.name: one.phrase for one in SPECTRAL_CLASSES} | {
     "harmonic 0": "the constant in all tests together",
@@ -128,7 +132,7 @@ def _half_orders(observed: WhitenedData) -> Iterator[tuple[int, NDArray[np.bool_
     """Odd multiples of half the excitation's frequency, and their rows (m,): a sum over all would hide a single one."""
     periods = np.array([w.periods for _, _, w in observed.records])[observed.record]
     multiple = 2 * np.round((2 * observed.line / np.maximum(periods, 1) - 1) / 2) + 1
-    for odd in range(1, 2 * observed.settings.spectral.subharmonics, 2):
+    for odd in range(1, 2 * SUBHARMONICS, 2):
         where = observed.of("subharmonic") & (multiple == odd)
         if where.any():
             yield odd, where
@@ -149,7 +153,7 @@ def _common_frequency(residual: FloatArray, observed: WhitenedData) -> Iterator[
     if peak is None:
         return
     near = np.zeros(len(residual), dtype=bool)
-    for own, lines, mine in zip(split, peak.near(records, observed.settings.spectral.leakage), kept, strict=True):
+    for own, lines, mine in zip(split, peak.near(records), kept, strict=True):
         near[own] = (lines & mine)[observed.line[own]]
     squares = _squares(residual, np.ones(len(residual)), observed, near)
     yield ResidualTest("highest frequency", peak.power, peak.degrees_of_freedom, peak.p_value, squares, peak.frequency)
@@ -171,19 +175,18 @@ def _smooth_tests(projection: Projection, observed: WhitenedData) -> Iterator[Re
     see what a sum over all lines would hide. Low harmonics are tested one by one; all together, with straight lines in
     log f, show a gap that is distributed over many.
     """
-    settings, places = observed.settings, [i for i, (_, _, w) in enumerate(observed.records) if w.periods]
+    places = [i for i, (_, _, w) in enumerate(observed.records) if w.periods]
     frequency = np.array([1 / observed.records[i][2].period for i in places])
     levels = len(np.unique(np.round(np.log(frequency), 3))) if places else 0
     if levels < 2:
         return
     z = np.log(frequency) - np.log(frequency).mean()
-    degree = min(settings.residual.smooth_degree, levels - 1)
+    degree = min(_SMOOTH_DEGREE, levels - 1)
     powers = np.stack([(z / np.abs(z).max()) ** j for j in range(degree + 1)], axis=1)
-    for harmonic in range(settings.residual.smooth_harmonics + 1):
+    for harmonic in range(_SMOOTH_HARMONICS + 1):
         columns = _smooth_columns(observed, places, powers, harmonic)
         yield _columns_test(f"harmonic {harmonic}", columns, projection, observed)
-    harmonics = range(settings.spectral.harmonics + 1)
-    together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in harmonics]
+    together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in range(HARMONICS + 1)]
     yield _columns_test("harmonics together", np.concatenate(together, axis=1), projection, observed)
 
 

@@ -13,7 +13,7 @@ from mofit.diagnosis.cross_validation import Shrinkage
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
-from mofit.diagnosis.residual_tests import Residuals
+from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.whitened_data import WhitenedData
 
@@ -79,7 +79,7 @@ class Diagnosis:
 def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data, every number in SI units."""
     conclusion, shrinkage, following = diagnosis.conclusion, diagnosis.shrinkage, diagnosis.next_experiment
-    found, listed = diagnosis.attribution, diagnosis.observed.settings.residual.listed
+    found = diagnosis.attribution
     renamed = {"values": "parameters"}
     shares = ("predicted", "refitted", "low", "high", "observed")
     return {
@@ -92,9 +92,9 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "group": list(conclusion.group),
         "candidate_models": [list(one.effects) for one in conclusion.indistinguishable],
-        "where": _where(diagnosis.before, found.baseline_residuals, listed),
+        "where": _where(diagnosis.before, found.baseline_residuals),
         "residual": {
-            **_where(diagnosis.after, found.best_residuals, listed),
+            **_where(diagnosis.after, found.best_residuals),
             "share": conclusion.residual_share,
         },
         "shrinkage": None if shrinkage is None else {key: getattr(shrinkage, key) for key in shares},
@@ -118,8 +118,8 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _where(located: ResidualMap, residuals: Residuals, listed: float) -> dict[str, Any]:
-    entries = located.significant(listed)
+def _where(located: ResidualMap, residuals: Residuals) -> dict[str, Any]:
+    entries = located.significant(LISTED)
     return {
         "gap": located.gap,
         "unit": located.unit,
@@ -134,7 +134,7 @@ def _where(located: ResidualMap, residuals: Residuals, listed: float) -> dict[st
                 "p_value": min(1.0, test.p_value * len(residuals.tests)),
                 "frequency": _number(test.frequency),
             }
-            for test in residuals.significant(listed)
+            for test in residuals.significant(LISTED)
         ],
     }
 

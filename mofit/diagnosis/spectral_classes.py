@@ -1,172 +1,121 @@
-"""Classes of spectral lines: which lines of a record may hold which kind of discrepancy."""
+"""Classes of spectral lines: which may hold which kind of discrepancy, and interference that all tests share."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
 from mofit.data import Measurement
-from mofit.diagnosis.settings import SpectralSettings
 from mofit.diagnosis.whitening import Whitening
 
-Mask = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Lines:
-    """The lines of one record, and what they are classed by; masks have shape (lines,).
-
-    Parameters
-    ----------
-    whitening
-        Of the record.
-    orders
-        Frequencies of what rotates, Hz; see `rotational_orders`.
-    excitation
-        The exciting input over the samples used, (n,).
-    interference
-        Lines of a sinusoid common to all tests (`mofit.diagnosis.periodic_disturbances`).
-    settings
-        Limits of the classes.
-    """
-
-    whitening: Whitening
-    orders: Mapping[str, float]
-    excitation: FloatArray
-    interference: Mask
-    settings: SpectralSettings
-
-    @cached_property
-    def number(self) -> NDArray[np.int64]:
-        """Number of every line: its frequency times the record's length."""
-        return np.arange(len(self.whitening.frequencies))
-
-    def harmonics(self, remainder: int) -> Mask:
-        """Low harmonics of the excitation, those of which the number halved leaves this remainder."""
-        if not self.whitening.periods:
-            return np.zeros(len(self.number), dtype=bool)
-        harmonic, rest = np.divmod(self.number, self.whitening.periods)
-        return (rest == 0) & (harmonic <= self.settings.harmonics) & (harmonic % 2 == remainder)
-
-    @cached_property
-    def subharmonics(self) -> Mask:
-        """Odd multiples of half the excitation's frequency."""
-        m = self.whitening.periods
-        if m <= 2:
-            return np.zeros(len(self.number), dtype=bool)
-        half = 2 * self.number / m
-        # of an odd number of periods the two lines beside
-        nearest = np.abs(half - (2 * np.round((half - 1) / 2) + 1)) < 1.5 / m
-        return np.asarray(nearest & (half < 2 * self.settings.subharmonics))
-
-    @cached_property
-    def slow(self) -> Mask:
-        """Lines far below the excitation, and its nearest neighbours."""
-        m, away = self.whitening.periods, np.abs(self.number - self.whitening.periods)
-        if not m:
-            return np.zeros(len(self.number), dtype=bool)
-        return np.asarray((self.number < m / 2) | ((away <= self.settings.modulation) & (away < m / 2)))
-
-    @cached_property
-    def excited(self) -> Mask:
-        """Without a period: up to twice the highest line that the input's power reaches."""
-        if self.whitening.periods:
-            return np.zeros(len(self.number), dtype=bool)
-        power = np.abs(np.fft.rfft(self.excitation - self.excitation.mean())) ** 2
-        order = np.argsort(-power, kind="stable")
-        most = int(np.searchsorted(np.cumsum(power[order]), self.settings.excited_power * power.sum())) + 1
-        # a sparsely filled band counts as a whole: harmonics of its lines fall between them
-        return np.asarray(self.number <= 2 * int(order[:most].max()))
-
-    @cached_property
-    def rotating(self) -> Mask:
-        """Lines of wheel and drum order and their sidebands, but for slow and excited ones."""
-        m, spacing = self.whitening.periods, 1 / (self.whitening.count * self.whitening.step)
-        near = np.zeros(len(self.number), dtype=bool)
-        for frequency in self.orders.values():
-            for sideband in (-1, 0, 1) if m else (0,):
-                place = (frequency + sideband * m * spacing) / spacing
-                near |= np.abs(self.number - place) < self.settings.leakage
-        return near & ~self.slow & ~self.excited
+#: Harmonics of the excitation with a class of their own; higher ones hold too little of a smooth effect.
+HARMONICS = 10
+#: Odd multiples of half the excitation's frequency with a class of their own.
+SUBHARMONICS = 3
+#: Lines on each side that a frequency between two lines reaches: the main lobe of a rectangular window, nearly.
+_LEAKAGE = 1.5
+#: Lines on each side of the excitation that a slow change of gain fills.
+_MODULATION = 2
+#: Share of an aperiodic input's power that its excited lines hold; what is weaker moves no output beyond noise.
+_EXCITED_POWER = 0.999
+#: Radius of the test drum, m, where a campaign does not state ``drum_radius``: 4.35 Hz at 60 km/h.
+_DRUM_RADIUS = 0.61
+#: p-value below which a frequency common to all tests counts as interference, corrected for all frequencies.
+_INTERFERENCE_P_VALUE = 1e-4
+#: Most such frequencies: a mains frequency, its multiples and a gear.
+_INTERFERENCE_FREQUENCIES = 6
+#: Records that are counted at least: where a frequency has almost no free line, p needs a finite denominator.
+_LEAST = 0.5
+#: Lines on each side over which an interpolated spectrum is gathered: sinc² is below 0.2 % there.
+_REACH = 8
 
 
 @dataclass(frozen=True)
 class SpectralClass:
-    """A class of spectral lines.
-
-    Parameters
-    ----------
-    name
-        As in JSON.
-    label
-        Head of a column of the residual map.
-    phrase
-        For sentences: what a gap on these lines is seen in.
-    definition
-        For the documentation.
-    holds
-        The lines of a record that may belong to it; a line belongs to the first class that holds it.
-    """
+    """A class of spectral lines: its name in JSON, the head of its column in a residual map, and a phrase."""
 
     name: str
     label: str
     phrase: str
-    definition: str
-    holds: Callable[[Lines], Mask]
 
 
-#: In order of precedence.
+#: A line belongs to the first class that holds it.
 SPECTRAL_CLASSES = (
-    SpectralClass("dc", "constant", "the constant", "zero frequency", lambda lines: lines.number == 0),
-    SpectralClass(
-        "odd", "odd", "odd harmonics", "odd harmonics of the excitation, up to the tenth",
-        lambda lines: lines.harmonics(1),
-    ),
-    SpectralClass(
-        "even", "even", "even harmonics", "even harmonics of the excitation, up to the tenth",
-        lambda lines: lines.harmonics(0),
-    ),
-    SpectralClass(
-        "subharmonic", "half", "subharmonics", "odd multiples of half the excitation's frequency, up to the fifth",
-        lambda lines: lines.subharmonics,
-    ),
-    SpectralClass(
-        "rotating", "wheel,\ndrum", "rotational orders",
-        "wheel and drum order, and their sidebands at ± the excitation",
-        lambda lines: lines.rotating,
-    ),
-    SpectralClass(
-        "slow", "slow", "slow changes", "below half the excitation's frequency, and two lines on each side of it",
-        lambda lines: lines.slow,
-    ),
-    SpectralClass(
-        "steady", "inter-\nference", "sinusoidal interference",
-        "a frequency that exceeds the noise of all tests together, whatever excites them: mains, a gear",
-        lambda lines: lines.interference,
-    ),
-    SpectralClass(
-        "excited", "excited", "the excited band", "without a period: lines that the input excites, and their harmonics",
-        lambda lines: lines.excited,
-    ),
-    SpectralClass(
-        "other", "other", "other lines", "all other lines: noise, in every model",
-        lambda lines: np.ones(len(lines.number), dtype=bool),
-    ),
-)  # fmt: skip
+    SpectralClass("dc", "constant", "the constant"),
+    SpectralClass("odd", "odd", "odd harmonics"),
+    SpectralClass("even", "even", "even harmonics"),
+    SpectralClass("subharmonic", "half", "subharmonics"),
+    SpectralClass("rotating", "wheel,\ndrum", "rotational orders"),
+    SpectralClass("slow", "slow", "slow changes"),
+    SpectralClass("steady", "inter-\nference", "sinusoidal interference"),
+    SpectralClass("excited", "excited", "the excited band"),
+    SpectralClass("other", "other", "other lines"),
+)
 CLASS_INDEX = {one.name: index for index, one in enumerate(SPECTRAL_CLASSES)}
 
 
-def classify(lines: Lines) -> NDArray[np.int64]:
-    """Class of every line, as an index into `SPECTRAL_CLASSES`, shape (lines,)."""
-    return np.argmax([one.holds(lines) for one in SPECTRAL_CLASSES], axis=0)
+def classify(w: Whitening, excitation: FloatArray, orders: Mapping[str, float]) -> NDArray[np.int64]:
+    """Class of every line of a record, but for interference, which all tests together show; (lines,).
+
+    Parameters
+    ----------
+    w
+        Of the record.
+    excitation
+        The exciting input over the samples used, (n,).
+    orders
+        Frequencies of what rotates, Hz; see `rotational_orders`.
+
+    Returns
+    -------
+    Indices into `SPECTRAL_CLASSES`: *dc*, zero frequency; *odd* and *even* harmonics of the excitation, up to the
+    tenth; *subharmonic*, odd multiples of half its frequency, up to the fifth; *rotating*, the orders and their
+    sidebands at ± the excitation; *slow*, below half the excitation's frequency, and two lines on each side of it;
+    *excited*, without a period: lines that the input excites, and their harmonics; *other*, noise in every model.
+    """
+    m, number = w.periods, np.arange(len(w.frequencies))
+    nowhere = np.zeros(len(number), dtype=bool)
+    low = w.harmonic & (number <= HARMONICS * m)
+    odd_harmonic = number // max(m, 1) % 2 == 1
+    away = np.abs(number - m)
+    slow = (number < m / 2) | ((away <= _MODULATION) & (away < m / 2)) if m else nowhere
+    excited = nowhere if m else _excited(excitation)
+    place = [w.count * w.step * f + sideband * m for f in orders.values() for sideband in ((-1, 0, 1) if m else (0,))]
+    near = np.any([nowhere, *(np.abs(number - line) < _LEAKAGE for line in place)], axis=0)
+    found = {
+        "dc": number == 0,
+        "odd": low & odd_harmonic,
+        "even": low & ~odd_harmonic,
+        "subharmonic": _subharmonic(number, m) if m > 2 else nowhere,
+        "rotating": near & ~slow & ~excited,
+        "slow": slow,
+        "excited": excited,
+    }
+    return np.select(list(found.values()), [CLASS_INDEX[name] for name in found], CLASS_INDEX["other"])
 
 
-def rotational_orders(measurement: Measurement, settings: SpectralSettings) -> Mapping[str, float]:
+def _subharmonic(number: NDArray[np.int64], periods: int) -> NDArray[np.bool_]:
+    half = 2 * number / periods
+    # of an odd number of periods the two lines beside
+    nearest = np.abs(half - (2 * np.round((half - 1) / 2) + 1)) < 1.5 / periods
+    return np.asarray(nearest & (half < 2 * SUBHARMONICS))
+
+
+def _excited(excitation: FloatArray) -> NDArray[np.bool_]:
+    """Up to twice the highest line that the input's power reaches."""
+    power = np.abs(np.fft.rfft(excitation - excitation.mean())) ** 2
+    order = np.argsort(-power, kind="stable")
+    most = int(np.searchsorted(np.cumsum(power[order]), _EXCITED_POWER * power.sum())) + 1
+    # a sparsely filled band counts as a whole: harmonics of its lines fall between them
+    return np.asarray(np.arange(len(power)) <= 2 * int(order[:most].max()))
+
+
+def rotational_orders(measurement: Measurement) -> dict[str, float]:
     r"""Frequencies [Hz] of what rotates, :math:`v / 2 \pi r`: of the wheel, and of the drum under it.
 
     From the conditions ``longitudinal_velocity``, ``dynamic_rolling_radius`` and ``drum_radius``; none without them.
@@ -176,5 +125,102 @@ def rotational_orders(measurement: Measurement, settings: SpectralSettings) -> M
     radius = conditions.get("dynamic_rolling_radius", 0.0)
     if not (speed > 0 and radius > 0):
         return {}
-    drum = conditions.get("drum_radius", settings.drum_radius)
+    drum = conditions.get("drum_radius", _DRUM_RADIUS)
     return {"wheel": speed / (2 * np.pi * radius), "drum": speed / (2 * np.pi * drum)}
+
+
+def interference_lines(
+    records: Sequence[Whitening], rows: Sequence[FloatArray], free: Sequence[NDArray[np.bool_]]
+) -> list[NDArray[np.bool_]]:
+    """Which lines of each record belong to a frequency that exceeds the noise of all tests together: mains, a gear.
+
+    Parameters
+    ----------
+    records
+        Of all tests.
+    rows
+        Whitened aperiodic part of each record.
+    free
+        Lines of each record that hold nothing but noise if there is no such frequency, (lines,).
+
+    Returns
+    -------
+    list
+        Per record, a subset of ``free``.
+    """
+    found = [np.zeros_like(part) for part in free]
+    for _ in range(_INTERFERENCE_FREQUENCIES):
+        peak = highest_frequency(records, rows, [here & ~there for here, there in zip(free, found, strict=True)])
+        if peak is None or peak.p_value > _INTERFERENCE_P_VALUE:
+            break
+        for mine, here, near in zip(found, free, peak.near(records), strict=True):
+            mine |= near & here
+    return found
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The frequency [Hz] with the least probable power: summed whitened power, and its expectation for noise.
+
+    The p-value is corrected for the number of frequencies (Bonferroni).
+    """
+
+    frequency: float
+    power: float
+    degrees_of_freedom: float
+    p_value: float
+
+    def near(self, records: Sequence[Whitening]) -> list[NDArray[np.bool_]]:
+        """Which lines of each record its leakage reaches: none of a record that does not repeat."""
+        return [
+            (np.abs(np.arange(w.count // 2 + 1) - self.frequency * w.count * w.step) < _LEAKAGE) & (w.periods > 0)
+            for w in records
+        ]
+
+
+def highest_frequency(
+    records: Sequence[Whitening], rows: Sequence[FloatArray], kept: Sequence[NDArray[np.bool_]]
+) -> Peak | None:
+    r"""The frequency at which some lines of all periodic records have the least probable power; None without any.
+
+    At every frequency the whitened power of the periodic records is summed. The spectra are interpolated
+    (zero-padding), so that a frequency between two lines is seen as well; of noise, record t then has the power
+    :math:`2 w_t(f)` there, where :math:`w_t` is 1 far from lines that are not kept, and 0 on them. Without a sinusoid
+    the sum is about :math:`\chi^2_\nu`, with :math:`\nu = 2 (\sum w_t)^2 / \sum w_t^2`; as the noise is estimated, the
+    test is an F test.
+
+    Parameters as of `interference_lines`, with ``kept`` for ``free``.
+    """
+    places = [i for i, w in enumerate(records) if w.periods]
+    if not places:
+        return None
+    highest = min(records[i].frequencies[-1] for i in places)
+    longest = max(records[i].count * records[i].step for i in places)
+    grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
+    freedom = np.array([float(np.median(records[i].process.degrees_of_freedom)) for i in places])
+    power = np.array([_power_at(records[i], rows[i], kept[i], grid) for i in places]).sum(axis=0)
+    weight = np.array([_weight_at(records[i], kept[i], grid) for i in places])
+    total = np.maximum(weight.sum(axis=0), _LEAST)
+    squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
+    behind = total**2 / np.maximum(np.sum(weight**2 / freedom[:, None], axis=0), _LEAST**2 / freedom.max())
+    p = fisher.sf(power / (2 * total), 2 * total**2 / squares, behind)
+    best = int(np.argmin(p))
+    return Peak(float(grid[best]), float(power[best]), float(2 * total[best]), min(1.0, float(p[best] * len(grid))))
+
+
+def _power_at(w: Whitening, rows: FloatArray, kept: NDArray[np.bool_], grid: FloatArray) -> FloatArray:
+    """Whitened power of some lines at frequencies half a line apart: 2 on average without a signal."""
+    signal = np.fft.irfft(np.where(kept, w.white_lines(rows), 0.0), w.count)
+    fine = np.fft.rfft(signal, 2 * w.count)
+    place = np.round(grid * 2 * w.count * w.step).astype(np.int64)
+    return np.asarray(np.abs(fine[np.minimum(place, len(fine) - 1)]) ** 2)
+
+
+def _weight_at(w: Whitening, kept: NDArray[np.bool_], grid: FloatArray) -> FloatArray:
+    """Half the power that `_power_at` expects of noise: of lines with sinc² of the distance."""
+    fine = np.zeros(2 * len(kept))
+    fine[::2] = kept
+    kernel = np.sinc(np.arange(-2 * _REACH, 2 * _REACH + 1) / 2) ** 2
+    weight = np.convolve(fine, kernel, "same")
+    place = np.round(grid * 2 * w.count * w.step).astype(np.int64)
+    return np.asarray(weight[np.minimum(place, 2 * (len(kept) - 1))])

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.integration import SimulatorCache
-from mofit.diagnosis.periodic_disturbances import interference_lines
-from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.spectral_classes import CLASS_INDEX, Lines, classify, rotational_orders
+from mofit.diagnosis.spectral_classes import CLASS_INDEX, classify, interference_lines, rotational_orders
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.problem import Problem
@@ -43,8 +41,6 @@ class WhitenedData:
         Share of every row's variance that is noise, the rest being a discrepancy counted as noise, (m,).
     simulators
         Compiled models.
-    settings
-        Of the diagnosis.
     """
 
     problem: Problem
@@ -57,12 +53,11 @@ class WhitenedData:
     calibrations: tuple[Calibration, ...] = ()
     noise_share: FloatArray | float = 1.0
     simulators: SimulatorCache = field(default_factory=SimulatorCache)
-    settings: DiagnosisSettings = field(default_factory=DiagnosisSettings)
 
     @property
     def stages(self) -> CalibrationStages:
         """The calibration stages, to be fitted again with effects."""
-        return CalibrationStages(self.problem.space, self.calibrations, self.simulators, self.settings)
+        return CalibrationStages(self.problem.space, self.calibrations, self.simulators)
 
     @cached_property
     def prior_root(self) -> tuple[FloatArray, FloatArray]:
@@ -135,33 +130,29 @@ def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: boo
 
 
 def whiten(
-    problem: Problem,
-    calibrations: Sequence[Calibration] = (),
-    simulators: SimulatorCache | None = None,
-    settings: DiagnosisSettings | None = None,
+    problem: Problem, calibrations: Sequence[Calibration] = (), simulators: SimulatorCache | None = None
 ) -> WhitenedData:
     """Find the noise of every record and the class of every line."""
-    settings = settings or DiagnosisSettings()
-    spectral, driver = settings.spectral, first_input(problem.model)
-    records, measured, noise, phase, lines = [], [], [], [], []
+    driver = first_input(problem.model)
+    records, measured, noise, phase, classes = [], [], [], [], []
     for test, (measurement, analysis, experiment) in enumerate(
         zip(problem.measurements, problem.signals, problem.experiments, strict=True)
     ):
-        orders = rotational_orders(measurement, spectral)
+        orders = rotational_orders(measurement)
         for output, channel in enumerate(problem.model.outputs):
-            values, sd = experiment.measured[:, output, None], analysis.noise_sd[channel.name]
-            used = experiment.weights[:, output] > 0
-            w = whitening(values[:, 0], used, experiment.step, analysis, sd, spectral.fewest_periods)
+            values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
+            w = whitening(values, used, experiment.step, analysis, analysis.noise_sd[channel.name])
             excitation = measurement.channel(driver)[w.start : w.start + w.count]
             phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
             records.append((test, output, w))
-            measured.append(w.rows(values)[:, 0])
-            noise.append(w.noise_rows(values)[:, 0])
-            lines.append(Lines(w, orders, excitation, np.zeros(len(w.frequencies), dtype=bool), spectral))
-    free = [(classify(one) == CLASS_INDEX["other"]) & ~one.whitening.harmonic for one in lines]
-    interference = interference_lines([w for _, _, w in records], noise, free, spectral)
-    classes = [classify(replace(one, interference=mask)) for one, mask in zip(lines, interference, strict=True)]
-    line = [w.line_of_row for _, _, w in records]
+            measured.append(w.rows(values[:, None])[:, 0])
+            noise.append(w.noise_rows(values))
+            classes.append(classify(w, excitation, orders))
+    whitenings = [w for _, _, w in records]
+    free = [(own == CLASS_INDEX["other"]) & ~w.harmonic for own, w in zip(classes, whitenings, strict=True)]
+    for own, lines in zip(classes, interference_lines(whitenings, noise, free), strict=True):
+        own[lines] = CLASS_INDEX["steady"]
+    line = [w.line_of_row for w in whitenings]
     return WhitenedData(
         problem,
         tuple(records),
@@ -172,5 +163,4 @@ def whiten(
         np.array(phase),
         tuple(calibrations),
         simulators=simulators or SimulatorCache(),
-        settings=settings,
     )

@@ -12,6 +12,9 @@ from scipy import fft
 from mofit._typing import FloatArray
 from mofit.data.signals import NoiseProcess, SignalAnalysis, noise_process, periodic_fit
 
+#: Periods from which on what repeats can be told from noise: two, less the rounding of the record's length.
+_FEWEST_PERIODS = 1.99
+
 
 @dataclass(frozen=True)
 class Whitening:
@@ -78,23 +81,17 @@ class Whitening:
     def _rows(self) -> NDArray[np.intp]:
         """Which of the real and imaginary parts are not identically zero."""
         lines = self.count // 2 + 1
-        parts = np.ones(2 * lines, dtype=bool)
-        parts[lines] = False
-        parts[-1] &= self.count % 2 == 1
-        return np.flatnonzero(parts)
+        return np.delete(np.arange(2 * lines), [lines] if self.count % 2 else [lines, -1])
 
     @property
     def line_of_row(self) -> NDArray[np.intp]:
         """Line of every row, shape (rows,)."""
         return self._rows % (self.count // 2 + 1)
 
-    def used(self, columns: FloatArray) -> FloatArray:
-        """The used samples of signals (..., samples, k)."""
-        return np.asarray(columns[..., self.start : self.start + self.count, :])
-
     def rows(self, columns: FloatArray) -> FloatArray:
         """Signals (..., samples, k) of the whole record as white rows (..., rows, k)."""
-        scaled = np.moveaxis(self.used(columns), -2, -1) / self.process.level
+        used = columns[..., self.start : self.start + self.count, :]
+        scaled = np.moveaxis(used, -2, -1) / self.process.level
         lines = fft.rfft(scaled, axis=-1) * self._scale
         return np.moveaxis(np.concatenate([lines.real, lines.imag], axis=-1)[..., self._rows], -1, -2)
 
@@ -105,14 +102,13 @@ class Whitening:
         parts[self._rows] = rows
         return np.asarray(parts[:lines] + 1j * parts[lines:])
 
-    def noise_rows(self, columns: FloatArray) -> FloatArray:
-        """Rows of the aperiodic part of signals (samples, k), whatever number of samples a period has."""
-        noise = np.array(columns)
-        time = self.step * np.arange(self.count, dtype=np.float64)
-        for k in range(noise.shape[1] if self.periods else 0):
-            used = noise[self.start : self.start + self.count, k]
-            used -= periodic_fit(time, used, self.period)[0]
-        return self.rows(noise)
+    def noise_rows(self, values: FloatArray) -> FloatArray:
+        """Rows of the aperiodic part of a signal (samples,), whatever number of samples a period has."""
+        noise = np.array(values)
+        if self.periods:
+            used = noise[self.start : self.start + self.count]
+            used -= periodic_fit(self.step * np.arange(self.count, dtype=np.float64), used, self.period)[0]
+        return self.rows(noise[:, None])[:, 0]
 
     def signal(self, rows: FloatArray) -> FloatArray:
         """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
@@ -120,12 +116,7 @@ class Whitening:
 
 
 def whitening(
-    measured: FloatArray,
-    used: NDArray[np.bool_],
-    step: float,
-    analysis: SignalAnalysis,
-    noise_sd: float,
-    fewest_periods: float,
+    measured: FloatArray, used: NDArray[np.bool_], step: float, analysis: SignalAnalysis, noise_sd: float
 ) -> Whitening:
     """Of one output of one test, from the data alone, so that all models are compared with the same noise.
 
@@ -134,23 +125,19 @@ def whitening(
 
     Parameters
     ----------
-    measured
-        Output, shape (samples,).
-    used
-        Which samples are used: a contiguous part.
+    measured, used
+        Output, and which samples are used, a contiguous part; (samples,).
     step
         Sampling interval, s.
     analysis
         Period of the test.
     noise_sd
         Of the output, in its unit, for a test that does not repeat.
-    fewest_periods
-        Periods from which on the noise is estimated from what does not repeat.
     """
     place = np.flatnonzero(used)
     start, count = int(place[0]), len(place)
     periods = count * step / analysis.period if analysis.period else 0.0
-    if analysis.period is None or periods < fewest_periods:
+    if analysis.period is None or periods < _FEWEST_PERIODS:
         spectrum = np.full(count // 2 + 1, max(noise_sd, np.finfo(float).tiny ** 0.25) ** 2)
         freedom = np.full(len(spectrum), float(count) / 2)
         process = NoiseProcess(np.ones(count), spectrum, freedom, np.empty(0, dtype=np.int64), np.empty(0))

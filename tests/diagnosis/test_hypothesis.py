@@ -9,7 +9,6 @@ from damper_rig import SIMULATORS, damper_fit
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import DIVERGED, with_enough_steps
-from mofit.diagnosis.settings import IntegrationSettings
 from mofit.identification.calibration import calibrate
 from mofit.models import find_effect, find_model
 from mofit.parameters import ParameterSpace
@@ -56,7 +55,6 @@ def test_divergent_integrations_do_not_count_as_converged() -> None:
         lambda at: np.full(3, DIVERGED if at.steps < 8 else 1 + 1e-6 / at.steps),
         lambda coarse, fine: float(np.max(np.abs(fine - coarse))),
         1e-3,
-        IntegrationSettings(),
     )
     assert simulator.steps == 8
     assert rows == pytest.approx(1.0, abs=1e-6)

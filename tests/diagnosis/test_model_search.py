@@ -10,7 +10,7 @@ from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.model_search import attribute, best_extensions
 from mofit.diagnosis.refit import is_reliable, settled
-from mofit.diagnosis.settings import DiagnosisSettings, FitSettings, SearchSettings
+from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.models import find_effect
 from mofit.optimize import Minimum
 
@@ -24,7 +24,7 @@ def scores(**statistics):
 
 
 def extensions(level, tests, share=0.5):
-    found = best_extensions(level, tests, SearchSettings(extension_promising=share))
+    found = best_extensions(level, tests, DiagnosisSettings(extension_promising=share))
     return {(*base, one.name): one.statistic for base, added in found for one in added}
 
 
@@ -50,7 +50,7 @@ def test_one_more_effect_is_tried_only_where_little_is_left(unexplained: tuple[f
     baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
     names = ("asymmetric_stiffness", "delay", "inertia", "quadratic_damping")
     candidates = [prepare(baseline, find_effect(name)) for name in names]
-    found = attribute(baseline, candidates, DiagnosisSettings(search=SearchSettings(unexplained=unexplained)))
+    found = attribute(baseline, candidates, DiagnosisSettings(unexplained=unexplained))
     assert max(len(one.effects) for one in found.models) == most
 
 
@@ -93,7 +93,7 @@ def settle(values, limit):
         minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
         return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(discrepancies=discrepancies))
 
-    return settled(again(), limit, FitSettings(), again).minimum.value
+    return settled(again(), limit, again).minimum.value
 
 
 @pytest.mark.parametrize(("values", "kept"), [([1.0, 5.0] * 6, 5.0), ([5.0, 1.0, 1.05, 9.0], 1.05)])

@@ -5,13 +5,16 @@ import pytest
 from scipy.signal import lfilter
 
 from mofit.data.signals import SignalAnalysis
-from mofit.diagnosis.periodic_disturbances import interference_lines
-from mofit.diagnosis.settings import SpectralSettings
-from mofit.diagnosis.spectral_classes import CLASS_INDEX, SPECTRAL_CLASSES, Lines, classify, rotational_orders
+from mofit.diagnosis.spectral_classes import (
+    CLASS_INDEX,
+    SPECTRAL_CLASSES,
+    classify,
+    interference_lines,
+    rotational_orders,
+)
 from mofit.diagnosis.whitening import Whitening, whitening
 
 STEP, PERIOD = 0.01, 0.5
-SETTINGS = SpectralSettings()
 COUNT = 2000
 
 
@@ -31,7 +34,7 @@ def signal() -> np.ndarray:
 
 
 def white_of(values: np.ndarray, period: float | None = PERIOD, sd: float = 3.0):
-    return whitening(values, np.ones(COUNT, dtype=bool), STEP, record(period), sd, SETTINGS.fewest_periods)
+    return whitening(values, np.ones(COUNT, dtype=bool), STEP, record(period), sd)
 
 
 @pytest.mark.parametrize("kind", ["white", "coloured"])
@@ -67,13 +70,9 @@ def test_batches_are_the_rows_one_by_one(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(rows[2, :, 1], w.rows(values[2, :, 1:])[:, 0], atol=1e-12)
 
 
-def lines_of(w: Whitening, orders: dict[str, float], excitation: np.ndarray) -> Lines:
-    return Lines(w, orders, excitation, np.zeros(len(w.frequencies), dtype=bool), SETTINGS)
-
-
 def test_lines_know_their_class(rng: np.random.Generator) -> None:
     w = white_of(signal() + noise_of("white", rng))
-    kinds = classify(lines_of(w, {"wheel": 8.7}, signal()))
+    kinds = classify(w, signal(), {"wheel": 8.7})
     named = {
         f: SPECTRAL_CLASSES[kinds[np.argmin(np.abs(w.frequencies - f))]].name
         for f in (0, 0.5, 1, 2, 3, 4, 6, 8.7, 6.7, 7.3, 22)
@@ -88,7 +87,7 @@ def test_a_chirp_excites_its_band(rng: np.random.Generator) -> None:
     time = np.arange(COUNT) * STEP
     chirp = np.sin(2 * np.pi * (0.5 * time + 0.1 * time**2))  # 0.5 to 4.5 Hz
     w = white_of(chirp + noise_of("white", rng), None)
-    kinds = classify(lines_of(w, {}, chirp))
+    kinds = classify(w, chirp, {})
     excited = w.frequencies[kinds == CLASS_INDEX["excited"]]
     assert excited.min() < 0.1
     assert 6 < excited.max() < 14
@@ -97,7 +96,7 @@ def test_a_chirp_excites_its_band(rng: np.random.Generator) -> None:
 def test_orders_at_sixty_kilometres_per_hour() -> None:
     from mofit.data import bundled_campaign, read_campaign
 
-    found = rotational_orders(read_campaign(bundled_campaign()).measurements[-1], SETTINGS)
+    found = rotational_orders(read_campaign(bundled_campaign()).measurements[-1])
     assert found["wheel"] == pytest.approx(8.70, abs=0.01)
     assert found["drum"] == pytest.approx(4.35, abs=0.01)
 
@@ -116,30 +115,30 @@ def sines_with(
         noise = 20 * np.sqrt(1 - colour**2) * lfilter([1.0], [1.0, -colour], rng.standard_normal(len(time)))
         values = 1000 * np.sin(2 * np.pi * frequency * time) + noise
         values += hum * np.sin(2 * np.pi * at * time + rng.uniform(0, 6))
-        w = whitening(values, np.ones(len(time), dtype=bool), STEP, record(1 / frequency), 20, SETTINGS.fewest_periods)
+        w = whitening(values, np.ones(len(time), dtype=bool), STEP, record(1 / frequency), 20)
         records.append(w)
-        rows.append(w.noise_rows(values[:, None])[:, 0])
+        rows.append(w.noise_rows(values))
         free.append(~w.harmonic)
     return records, rows, free
 
 
 def test_a_hum_too_weak_for_one_test_is_found_in_five(rng: np.random.Generator) -> None:
     records, rows, free = sines_with(4.0, rng)
-    found = interference_lines(records, rows, free, SETTINGS)
+    found = interference_lines(records, rows, free)
     for w, lines in zip(records, found, strict=True):
         assert np.abs(w.frequencies[lines] - 7.3).max() < 2 / (w.count * w.step)
         assert lines.sum() >= 2
-    alone = [interference_lines([w], [r], [f], SETTINGS)[0].any() for w, r, f in zip(records, rows, free, strict=True)]
+    alone = [interference_lines([w], [r], [f])[0].any() for w, r, f in zip(records, rows, free, strict=True)]
     assert not any(alone)
 
 
 def test_a_hum_on_a_harmonic_of_most_tests_is_found_in_the_others(rng: np.random.Generator) -> None:
     """7 Hz is a harmonic of three of the five: what they hold there may be anything."""
-    found = interference_lines(*sines_with(5.0, rng, at=7.0), SETTINGS)
+    found = interference_lines(*sines_with(5.0, rng, at=7.0))
     assert all(lines.any() for f, lines in zip(SINES, found, strict=True) if f in (2.0, 3.0))
 
 
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_noise_has_no_interference(colour: float, rng: np.random.Generator) -> None:
     for _ in range(2):
-        assert not any(lines.any() for lines in interference_lines(*sines_with(0.0, rng, colour), SETTINGS))
+        assert not any(lines.any() for lines in interference_lines(*sines_with(0.0, rng, colour)))
