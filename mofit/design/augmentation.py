@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit.data import Experiment
+from mofit.design.candidates import driven_input
 from mofit.design.identifiability import identifiability, is_identifiable, relative_size
 from mofit.design.information import SourceInformation, estimator_precision, information
 from mofit.design.planned_tests import group_of, planned_tests
-from mofit.design.rig_limits import driven_input
 from mofit.design.sources import Source
 from mofit.simulation.virtual_rig.signals import excitation
 

@@ -1,21 +1,24 @@
-"""Candidate tests of a design: their signals, their time, which the rig cannot run, and their information."""
+"""Candidate tests of a design: their signals, their time, and which of them the rig cannot run; in SI units."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from mofit._typing import FloatArray
 from mofit.data import Experiment
-from mofit.design.information import Information, information
-from mofit.design.noise_model import ChannelNoise
-from mofit.design.planned_tests import planned_tests
-from mofit.design.rig_limits import RigLimits, required_limits, violation
-from mofit.models import Model
+from mofit.data.signals import smooth_derivative
+from mofit.design.candidate_space import Limits
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.models import Channel, Model
 from mofit.simulation.virtual_rig.plan import Plan, TestPlan
 from mofit.simulation.virtual_rig.setup import set_up
+from mofit.units import Quantity, parse_quantity
+
+#: Rounding of a grid's values must not push a test over a limit that it is meant to reach.
+_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,23 @@ class Candidate:
         return self.plan.name
 
 
+@dataclass(frozen=True)
+class RigLimits:
+    """Largest magnitudes that the rig allows, or that a test requires; infinite where not limited.
+
+    ``channel`` is the driven input, ``amplitude`` in its unit, ``rate`` and ``acceleration`` per s and s²,
+    ``sample_rate`` in Hz, ``duration`` in s, ``outputs`` by name.
+    """
+
+    channel: str = ""
+    amplitude: float = np.inf
+    rate: float = np.inf
+    acceleration: float = np.inf
+    sample_rate: float = np.inf
+    duration: float = np.inf
+    outputs: Mapping[str, float] = field(default_factory=dict)
+
+
 def candidates(base: Plan, plans: Sequence[TestPlan], limits: RigLimits, overhead: float) -> tuple[Candidate, ...]:
     """Signals of all tests, and which of them violate a limit of the input (of outputs: later, by simulation).
 
@@ -48,8 +68,7 @@ def candidates(base: Plan, plans: Sequence[TestPlan], limits: RigLimits, overhea
     plans
         The tests.
     limits
-        Of the model's driven input; tests of a calibration stage have an input of their own, of which only the
-        sampling rate and the duration are limited.
+        Of the driven input; tests with the input of a calibration stage are limited in sampling rate and duration only.
     overhead
         Time per test beside its duration [s].
 
@@ -69,62 +88,111 @@ def candidates(base: Plan, plans: Sequence[TestPlan], limits: RigLimits, overhea
     return tuple(found)
 
 
-def candidate_information(
-    model: Model,
-    experiments: Sequence[Experiment],
-    samples: FloatArray,
-    scale: FloatArray,
-    noise: Mapping[str, ChannelNoise],
-    jobs: int = 1,
-    periods: int | None = None,
-    tolerance: float = 1e-4,
-) -> Information:
-    """Information of many planned tests; tests that are alike are simulated once.
+def driven_input(model: Model) -> Channel:
+    """The channel that a rig drives."""
+    return next(channel for channel in model.inputs if channel.derivative_of is None)
 
-    Parameters
-    ----------
-    model, samples, scale, jobs, tolerance
-        See `mofit.design.information.information`.
-    experiments
-        The tests.
-    noise
-        By output.
-    periods
-        Periodic tests are simulated for so many periods only. The information of a steady-state period then counts as
-        often as the test has more of them: for searches among many.
+
+def declared_limits(limits: Limits, model: Model) -> RigLimits:
+    """The limits of a space file in SI units.
+
+    Raises
+    ------
+    InputError
+        With every quantity of the wrong unit, every unknown output and every limit that is not above 0.
     """
-    short = [_shortened(experiment, periods) for experiment in experiments]
-    keys = [_key(experiment) for experiment in short]
-    different = dict(zip(keys, short, strict=True))
-    tests = planned_tests(model, list(different.values()), samples[0], noise, (), jobs)
-    found = information(model, tests, samples, scale, jobs, tolerance)
-    place_of = {id(test.experiment): place for place, test in enumerate(tests)}
-    places = [place_of[id(different[key])] for key in keys]
-    more = np.empty(len(experiments))
-    for number, (experiment, place) in enumerate(zip(experiments, places, strict=True)):
-        data = tests[place].data
-        transient = data.samples - np.count_nonzero(data.weights[:, 0])
-        more[number] = (len(experiment.time) - transient) / (data.samples - transient)
-    return Information(
-        estimator=more[:, None, None, None, None, None] * found.estimator[places],
-        fisher=more[:, None, None, None] * found.fisher[places],
-        peaks=found.peaks[places],
+    driven = driven_input(model)
+    outputs = {channel.name: channel.unit for channel in model.outputs}
+    issues = [
+        Issue("space, limits.outputs", f"model '{model.name}' has no output '{name}'", did_you_mean(name, outputs))
+        for name in limits.outputs
+        if name not in outputs
+    ]
+    units = _units(driven.unit)
+    own = {key: _positive(f"space, limits.{key}", getattr(limits, key), units[key], issues) for key in units}
+    largest = {
+        name: _positive(f"space, limits.outputs.{name}", value, outputs[name], issues)
+        for name, value in limits.outputs.items()
+        if name in outputs
+    }
+    raise_errors(issues)
+    return RigLimits(driven.name, **own, outputs=largest)
+
+
+def required_limits(experiment: Experiment, driven: str, measured: bool = False) -> RigLimits:
+    """What a test requires of the rig, its outputs aside.
+
+    Accelerations of ramps, which have corners, count as none. ``measured`` inputs are noisy: their derivatives are
+    those of a smoothing spline.
+    """
+    time, values = experiment.time, np.asarray(experiment.inputs[driven], dtype=float)
+    if experiment.interpolation == "linear":
+        rate, acceleration = np.diff(values) / np.diff(time), np.zeros(1)
+    elif measured:
+        _, rate = smooth_derivative(time, values)
+        acceleration = np.gradient(rate, time)
+    else:
+        curve = CubicSpline(time, values)
+        rate, acceleration = curve(time, 1), curve(time, 2)
+    return RigLimits(
+        channel=driven,
+        amplitude=float(np.max(np.abs(values))),
+        rate=float(np.max(np.abs(rate))),
+        acceleration=float(np.max(np.abs(acceleration))),
+        sample_rate=1 / experiment.step,
+        duration=float(time[-1] - time[0]) + experiment.step,
     )
 
 
-def _shortened(experiment: Experiment, periods: int | None) -> Experiment:
-    """A periodic test with its first periods only."""
-    if periods is None or not experiment.frequency:
-        return experiment
-    count = round(periods / (experiment.frequency * experiment.step))
-    if count >= len(experiment.time):
-        return experiment
-    inputs = {name: values[:count] for name, values in experiment.inputs.items()}
-    return replace(experiment, time=experiment.time[:count], inputs=inputs)
+def demonstrated_limits(tests: Sequence[RigLimits]) -> RigLimits:
+    """What a rig has demonstrated: the largest of every requirement. Durations and outputs stay open."""
+    return RigLimits(
+        channel=tests[0].channel,
+        amplitude=max(test.amplitude for test in tests),
+        rate=max(test.rate for test in tests),
+        acceleration=max((test.acceleration for test in tests if test.acceleration > 0), default=np.inf),
+        sample_rate=max(test.sample_rate for test in tests),
+    )
 
 
-def _key(experiment: Experiment) -> tuple[object, ...]:
-    """Equal for tests with equal excitation and equal samples used in the fit."""
-    signals = tuple((name, np.asarray(values).tobytes()) for name, values in sorted(experiment.inputs.items()))
-    conditions = tuple(sorted(experiment.conditions.items()))
-    return signals, experiment.step, experiment.kind, experiment.interpolation, conditions
+def violation(required: RigLimits, limits: RigLimits, unit: str) -> str:
+    """The limit that a test violates, in words with numbers; empty if none."""
+    units = _units(unit)
+    if required.channel != limits.channel:  # a calibration stage's own input
+        units = {key: own for key, own in units.items() if key in ("sample_rate", "duration")}
+    for key, own in units.items():
+        need, allowed = getattr(required, key), getattr(limits, key)
+        if need > allowed * (1 + _TOLERANCE):
+            return f"{key.replace('_', ' ')}: {need:.3g} {own}, limit {allowed:.3g}"
+    return output_violation(required.outputs, limits)
+
+
+def output_violation(outputs: Mapping[str, float], limits: RigLimits) -> str:
+    """The same for the largest magnitudes of outputs by name."""
+    for name, need in outputs.items():
+        if need > limits.outputs.get(name, np.inf) * (1 + _TOLERANCE):
+            return f"{name.replace('_', ' ')}: {need:.3g}, limit {limits.outputs[name]:.3g} (SI)"
+    return ""
+
+
+def _units(unit: str) -> dict[str, str]:
+    return {
+        "amplitude": unit,
+        "rate": f"{unit}/s",
+        "acceleration": f"{unit}/s^2",
+        "sample_rate": "Hz",
+        "duration": "s",
+    }
+
+
+def _positive(where: str, value: Quantity | None, unit: str, issues: list[Issue]) -> float:
+    if value is None:
+        return np.inf
+    try:
+        number, _ = parse_quantity(where, value, unit)
+    except InputError as error:
+        issues += error.issues
+        return np.inf
+    if not number > 0:
+        issues.append(Issue(where, f"{value} is not above 0", "Give a positive limit, or leave it out"))
+    return number

@@ -1,7 +1,7 @@
-r"""Optimality criteria of a design: one number from the precision matrix M, smaller is better.
+r"""Optimality criteria of a design: one number from the information of its tests, smaller is better.
 
-All criteria use the covariance :math:`C = M^{-1}` of *relative* changes (`scales`), of the chosen parameters s only;
-the others are nuisances:
+Criteria for learning parameters use the covariance :math:`C = M^{-1}` of *relative* changes (`scales`), with M the
+precision, of the chosen parameters s only; the others are nuisances:
 
 ==========  ==========================================================  ==========================================
 criterion   value                                                       minimises
@@ -12,15 +12,18 @@ A           :math:`\operatorname{tr} C_{ss} / k`                        mean var
 E           :math:`\lambda_{\max}(C_{ss})`                              variance in the worst direction
 ==========  ==========================================================  ==========================================
 
+The criterion for discriminating between effects (T) is `Discrimination`.
+
 References
 ----------
 Atkinson, Donev & Tobias, "Optimum experimental designs, with SAS", Oxford 2007, chapters 10 and 17 (averages over prior
-samples); Pronzato & Pázman, "Design of experiments in nonlinear models", Springer 2013, chapter 8 (robust criteria).
+samples); Pronzato & Pázman, "Design of experiments in nonlinear models", Springer 2013, chapter 8 (robust criteria);
+Atkinson & Fedorov, "The design of experiments for discriminating between two rival models", Biometrika 62 (1975).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,10 +31,13 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.models import Effect
 from mofit.parameters import ParameterSpace
 
 CRITERIA = ("c", "D", "A", "E")
 AGGREGATES = ("mean", "worst")
+#: Noncentrality from which two effects are discriminated: a test at 1 % then has a power of 97 %.
+ENOUGH = 20.0
 
 #: A parameter near zero changes relative to this share of its box instead.
 _LEAST_SHARE = 0.01
@@ -102,25 +108,15 @@ def _log_value(criterion: str, covariance: FloatArray) -> FloatArray:
 
 def parameter_criterion(
     name: str,
-    names: tuple[str, ...],
-    chosen: tuple[str, ...],
+    names: Sequence[str],
+    chosen: Sequence[str],
     combination: Mapping[str, float] | None = None,
     aggregate: str = "mean",
 ) -> Criterion:
-    """The criterion for chosen parameters among ``names``.
+    """The criterion for ``chosen`` parameters among all ``names``, which are in the order of the precision matrices.
 
-    Parameters
-    ----------
-    name
-        One of `CRITERIA`; ``c`` takes one chosen parameter, or a combination.
-    names
-        All parameters, in the order of the precision matrices.
-    chosen
-        Those to be learnt.
-    combination
-        Weights of relative changes: ``{"d_M": 1, "c_M": -1}`` is the ratio of the two.
-    aggregate
-        One of `AGGREGATES`.
+    Criterion c takes one chosen parameter, or a combination by weights of relative changes:
+    ``{"a": 1, "b": -1}`` is the ratio of the two.
 
     Raises
     ------
@@ -128,14 +124,7 @@ def parameter_criterion(
         For unknown names, or a criterion that does not fit what was chosen.
     """
     combination = dict(combination or {})
-    issues = [
-        Issue(option, f"unknown {what} '{value}'", did_you_mean(value, known))
-        for option, what, value, known in (
-            ("--criterion", "criterion", name, CRITERIA),
-            ("--robust", "aggregate", aggregate, AGGREGATES),
-        )
-        if value not in known
-    ]
+    issues = [*_unknown("--criterion", name, CRITERIA), *_unknown("--robust", aggregate, AGGREGATES)]
     issues += [
         Issue(f"--parameter {parameter}", "the model has no such parameter", did_you_mean(parameter, names))
         for parameter in (*chosen, *combination)
@@ -144,9 +133,8 @@ def parameter_criterion(
     raise_errors(issues)
     if name == "c":
         if not combination and len(chosen) != 1:
-            raise InputError.of(
-                "--criterion c", f"{len(chosen)} parameters chosen", "Name one --parameter, or a --combination"
-            )
+            count = f"{len(chosen)} parameters chosen"
+            raise InputError.of("--criterion c", count, "Name one --parameter, or a --combination")
         combination = combination or {chosen[0]: 1.0}
         return Criterion(name, np.array([[combination.get(own, 0.0) for own in names]]), aggregate)
     if combination:
@@ -154,3 +142,114 @@ def parameter_criterion(
     if not chosen:
         raise InputError.of("--parameter", "no parameter is chosen", "Name at least one")
     return Criterion(name, np.eye(len(names))[[names.index(own) for own in chosen]], aggregate)
+
+
+def _unknown(option: str, value: str, known: Collection[str]) -> list[Issue]:
+    return [] if value in known else [Issue(option, f"'{value}' is unknown", did_you_mean(value, known))]
+
+
+@dataclass(frozen=True)
+class Discrimination:
+    r"""How well tests discriminate between two effects, or one effect and none (T-optimality).
+
+    If effect k is present with size a and effect l is fitted in its place, along with all parameters of the model, the
+    residual has the squared length (whitened by the noise)
+
+    .. math:: \lambda_{kl} = a^T \left[ F_{kk} - F_{kr} (F_{rr} + P)^{-1} F_{rk} \right] a
+              = a^2 \left\| (I - P_{[J, S_l]}) S_k \right\|^2
+
+    with F the Fisher information of the model with both effects at their neutral values, r all parameters but those of
+    k, and P the prior precision of the model's own parameters. It is the noncentrality of the :math:`\chi^2` test of k
+    beside l. Parameters that only shape an effect (a relaxation time, say) are fixed at the sample's values: at its
+    neutral value an effect does not depend on them.
+    """
+
+    sides: tuple[tuple[int, ...], ...]
+    """Places of the size parameters of the first effect, and of the second if there is one."""
+    others: tuple[int, ...]
+    """Places of the model's own parameters."""
+    sizes: tuple[tuple[float, ...], ...]
+    """Size of each side's parameters, in the units of the information."""
+    prior: FloatArray
+    """Prior precision of the model's own parameters, (N, d, d), in the units of the information."""
+    aggregate: str = "mean"
+    """Over the parameter samples: ``mean`` of the logarithm, or the ``worst``."""
+    name: ClassVar[str] = "T"
+    #: Whether larger shown values are better.
+    larger_is_better: ClassVar[bool] = True
+
+    def noncentrality(self, fisher: FloatArray) -> FloatArray:
+        r""":math:`\lambda` of each side against the other, (..., N, sides)."""
+        total = fisher + self.prior
+        found = []
+        for number, side in enumerate(self.sides):
+            competing = self.sides[1 - number] if len(self.sides) > 1 else ()
+            found.append(_unexplained(total, list(side), [*self.others, *competing], np.array(self.sizes[number])))
+        return np.stack(found, axis=-1)
+
+    def __call__(self, fisher: FloatArray) -> FloatArray:
+        r""":math:`-\log \min \lambda`, shape (...), from relative Fisher information (..., N, d, d)."""
+        least = self.noncentrality(fisher).min(axis=-1)
+        return over_samples(-np.log(np.maximum(least, np.finfo(float).tiny)), self.aggregate)
+
+    @staticmethod
+    def shown(value: float) -> float:
+        """A value as a noncentrality."""
+        return float(np.exp(-value))
+
+
+def _unexplained(total: FloatArray, side: list[int], rest: list[int], sizes: FloatArray) -> FloatArray:
+    usable = np.asarray(np.isfinite(total).all(axis=(-2, -1)))
+    total = np.where(usable[..., None, None], total, np.eye(total.shape[-1]))
+    own, cross, other = (
+        total[..., np.array(a)[:, None], np.array(b)[None, :]] for a, b in ((side, side), (rest, side), (rest, rest))
+    )
+    # a size parameter without information has neither row nor column
+    scale = np.sqrt(np.maximum(np.diagonal(other, axis1=-2, axis2=-1), np.finfo(float).tiny))
+    even = other / (scale[..., :, None] * scale[..., None, :])
+    cross = cross / scale[..., :, None]
+    explained = np.swapaxes(cross, -1, -2) @ np.linalg.pinv(even, rcond=1e-12, hermitian=True) @ cross
+    value = np.einsum("...ij,i,j->...", own - explained, sizes, sizes)
+    return np.asarray(np.where(usable, np.maximum(value, 0.0), np.nan))
+
+
+def discrimination(
+    space: ParameterSpace, samples: FloatArray, effects: Sequence[Effect], aggregate: str = "mean"
+) -> Discrimination:
+    """The criterion for one or two effects of nominal size in a model's space, switched off in the samples (N, d).
+
+    Raises
+    ------
+    InputError
+        If an effect states no neutral value, or the aggregate is unknown.
+    """
+    sized = [[parameter for parameter in effect.parameters if parameter.neutral is not None] for effect in effects]
+    issues = [
+        Issue(f"effect '{effect.name}'", "no parameter states a neutral value", "Give one a neutral value")
+        for effect, own in zip(effects, sized, strict=True)
+        if not own
+    ]
+    raise_errors([*issues, *_unknown("--robust", aggregate, AGGREGATES)])
+    scale = scales(space, samples)
+    places = tuple(tuple(space.index(parameter.name) for parameter in own) for own in sized)
+    taken = [place for side in places for place in side]
+    prior = box_precision(space, samples)
+    prior[:, taken, taken] = 0.0
+    return Discrimination(
+        sides=places,
+        others=tuple(place for place in range(len(space)) if place not in taken),
+        sizes=tuple(
+            tuple((p.nominal - float(p.neutral or 0.0)) / scale[0, space.index(p.name)] for p in own) for own in sized
+        ),
+        prior=prior,
+        aggregate=aggregate,
+    )
+
+
+def with_neutral(space: ParameterSpace, values: FloatArray, effects: Sequence[Effect]) -> FloatArray:
+    """Values (d,) with the effects switched off: parameters that state a neutral value have it."""
+    changed = values.copy()
+    for parameter in (parameter for effect in effects for parameter in effect.parameters):
+        if parameter.neutral is not None:
+            changed[space.index(parameter.name)] = parameter.neutral
+    return changed

@@ -11,7 +11,7 @@ import numpy as np
 
 from mofit.data import Experiment
 from mofit.design.candidate_space import CandidateGrid, Limits, Space
-from mofit.design.rig_limits import demonstrated_limits, required_limits
+from mofit.design.candidates import demonstrated_limits, required_limits
 from mofit.models import Channel
 
 #: Display unit and factor from SI for what a rig drives; others stay in SI.

@@ -8,13 +8,11 @@ from pathlib import Path
 
 from mofit.data import Campaign
 from mofit.design.candidate_space import Space, read_space
-from mofit.design.candidates import candidates
-from mofit.design.criteria import Criterion, parameter_criterion
+from mofit.design.candidates import candidates, declared_limits, driven_input
+from mofit.design.criteria import Criterion, Discrimination, discrimination, parameter_criterion
 from mofit.design.default_space import default_space
-from mofit.design.discrimination import Discrimination, discrimination
 from mofit.design.optimal_design import Design, DesignEvaluation, optimal_design
 from mofit.design.prepare import Inputs, Prepared, prepare
-from mofit.design.rig_limits import declared_limits, driven_input
 from mofit.design.sources import Source
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Model, find_effect

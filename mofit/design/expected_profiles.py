@@ -132,14 +132,7 @@ def _exact(experiment: ExperimentData, outputs: Sequence[FloatArray]) -> Experim
 def expected_profiles(data: ExpectedData, tests: Sequence[str], found: Identifiability) -> list[ProfileInterval]:
     """Profiles of all parameters (those of calibration stages narrowly) from some of the tests.
 
-    Parameters
-    ----------
-    data
-        What the tests will give.
-    tests
-        Names of tests of the main identification.
-    found
-        The local identifiability from these tests.
+    The tests are named, of the main identification; their local identifiability was found beforehand.
     """
     centre, space = data.information.unit[0], data.information.source.space
     width = np.where(found.sd[0] < BOX_SD / 4, found.sd[0], 1.0)

@@ -13,13 +13,15 @@ information.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.planned_tests import DesignTest, groups
+from mofit.data import Experiment
+from mofit.design.noise_model import ChannelNoise
+from mofit.design.planned_tests import DesignTest, groups, planned_tests
 from mofit.design.sensitivity import TOLERANCE, Sensitivity, sensitivities
 from mofit.design.sources import Source
 from mofit.models import Model, build_system
@@ -56,18 +58,14 @@ def information(
 
     Parameters
     ----------
-    model
-        The model to be identified.
-    tests
-        The tests.
+    model, tests
+        The model to be identified, and the tests.
     samples
         Parameter samples (N, d) in the order of the model's parameters.
     scale
         Change of each parameter that counts as 1, (N, d); ones give SI units.
-    jobs
-        Threads; results do not depend on it.
-    tolerance
-        Of the integration, relative to the outputs' range.
+    jobs, tolerance
+        Threads, on which results do not depend; tolerance of the integration, relative to the outputs' range.
     keep
         Whether the sensitivities of the main tests are kept.
     """
@@ -95,6 +93,58 @@ def information(
                 peaks[i] = [np.max(np.abs(outputs)) for outputs in test.outputs]
                 main += [test.first()] if keep else []
     return Information(estimator, fisher, peaks, tuple(main))
+
+
+def candidate_information(
+    model: Model,
+    experiments: Sequence[Experiment],
+    samples: FloatArray,
+    scale: FloatArray,
+    noise: Mapping[str, ChannelNoise],
+    jobs: int = 1,
+    periods: int | None = None,
+    tolerance: float = 1e-4,
+) -> Information:
+    """Information of many planned tests; tests that are alike are simulated once.
+
+    Noise is by output; the rest as in `information`. Of periodic tests only the first ``periods`` are simulated; the
+    information of a steady-state period then counts as often as the test has more of them: for searches among many.
+    """
+    short = [_shortened(experiment, periods) for experiment in experiments]
+    keys = [_key(experiment) for experiment in short]
+    different = dict(zip(keys, short, strict=True))
+    tests = planned_tests(model, list(different.values()), samples[0], noise, (), jobs)
+    found = information(model, tests, samples, scale, jobs, tolerance)
+    place_of = {id(test.experiment): place for place, test in enumerate(tests)}
+    places = [place_of[id(different[key])] for key in keys]
+    more = np.empty(len(experiments))
+    for number, (experiment, place) in enumerate(zip(experiments, places, strict=True)):
+        data = tests[place].data
+        transient = data.samples - np.count_nonzero(data.weights[:, 0])
+        more[number] = (len(experiment.time) - transient) / (data.samples - transient)
+    return Information(
+        estimator=more[:, None, None, None, None, None] * found.estimator[places],
+        fisher=more[:, None, None, None] * found.fisher[places],
+        peaks=found.peaks[places],
+    )
+
+
+def _shortened(experiment: Experiment, periods: int | None) -> Experiment:
+    """A periodic test with its first periods only."""
+    if periods is None or not experiment.frequency:
+        return experiment
+    count = round(periods / (experiment.frequency * experiment.step))
+    if count >= len(experiment.time):
+        return experiment
+    inputs = {name: values[:count] for name, values in experiment.inputs.items()}
+    return replace(experiment, time=experiment.time[:count], inputs=inputs)
+
+
+def _key(experiment: Experiment) -> tuple[object, ...]:
+    """Equal for tests with equal excitation and equal samples used in the fit."""
+    signals = tuple((name, np.asarray(values).tobytes()) for name, values in sorted(experiment.inputs.items()))
+    conditions = tuple(sorted(experiment.conditions.items()))
+    return signals, experiment.step, experiment.kind, experiment.interpolation, conditions
 
 
 def estimator_precision(estimator: FloatArray) -> FloatArray:

@@ -23,15 +23,7 @@ class NoiseModel(Protocol):
     """Noise of one output of a test."""
 
     def __call__(self, signal: FloatArray, used: NDArray[np.bool_]) -> tuple[NoiseProcess, ...]:
-        """Independent parts of the noise over the samples used in the fit.
-
-        Parameters
-        ----------
-        signal
-            Simulated output of the whole record, (n,).
-        used
-            Which of its samples are used in the fit, (n,).
-        """
+        """Independent parts of the noise over the samples used in the fit, (n,) bool; of the simulated record, (n,)."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +83,8 @@ def known_process(level: FloatArray, spectrum: FloatArray) -> NoiseProcess:
 def channel_noise(found: Sequence[NoiseProcess], steps: Sequence[float]) -> ChannelNoise:
     """Noise of a test that was not run, from the spectra of others: a white and an autoregressive part.
 
-    Parameters
-    ----------
-    found
-        Noise of one output in every test.
-    steps
-        Their sampling intervals [s]; correlations are given for the shortest.
+    The noise found is that of one output in every test. Correlations are given for the shortest of the sampling
+    intervals ``steps`` [s].
     """
     step = min(steps)
     bins = np.concatenate([np.arange(len(part.spectrum)) / part.count * step / own

@@ -10,13 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.candidates import Candidate, candidate_information
-from mofit.design.criteria import Criterion, box_precision, scales
-from mofit.design.discrimination import Discrimination
+from mofit.design.candidates import Candidate, RigLimits, output_violation
+from mofit.design.criteria import Criterion, Discrimination, box_precision, scales
 from mofit.design.exchange import CandidatePool, best_selection
 from mofit.design.identifiability import Identifiability, identifiability
-from mofit.design.information import Information, SourceInformation, estimator_precision
-from mofit.design.rig_limits import RigLimits, output_violation
+from mofit.design.information import Information, SourceInformation, candidate_information, estimator_precision
 from mofit.errors import InputError
 from mofit.runtime.progress import Progress, silent
 
@@ -185,20 +183,8 @@ def optimal_design(
 ) -> Design:
     """Find the best tests.
 
-    Parameters
-    ----------
-    evaluation
-        What is known, and what is minimised.
-    candidates
-        The tests that could be run.
-    limits
-        Of the rig; candidates whose output would be larger are infeasible.
-    names
-        Parameters whose uncertainty is shown.
-    budget
-        Time there is [s].
-    progress
-        Reports what is being done.
+    Candidates whose output would exceed the rig's limits are infeasible. The uncertainty of the named parameters is
+    shown. The budget is the time there is [s].
 
     Raises
     ------

@@ -81,20 +81,8 @@ def planned_tests(
 ) -> list[DesignTest]:
     """Tests that need not have been run, group by group.
 
-    Parameters
-    ----------
-    model
-        The model to be identified.
-    experiments
-        The tests; no measured output is needed.
-    values
-        All parameters of the model, (d,): they decide how long transients last.
-    noise
-        By output; 1 % of the range where an output is not named.
-    named
-        Tests that belong to the main identification whatever their kind.
-    jobs
-        Threads.
+    Tests of the main identification are those of no stage, and those ``named``. The values (d,) of all parameters
+    decide how long transients last. Noise is by output: `DEFAULT_NOISE` where an output is not named.
 
     Raises
     ------
@@ -133,10 +121,9 @@ def planned_data(
     for measurement, outputs in zip(blank, simulator.simulate(values[None]), strict=True):
         if not np.all(np.isfinite(outputs)):
             raise InputError.of(
-                f"test '{measurement.name}'",
-                f"model '{model.name}' gives no finite output",
+                f"test '{measurement.name}'", f"model '{model.name}' gives no finite output",
                 "Check the parameters' values and the test's amplitude",
-            )
+            )  # fmt: skip
         channels = {channel.name: outputs[0][:, i] for i, channel in enumerate(model.outputs)}
         simulated = replace(measurement, outputs=channels)
         found.append(experiment_data(model, simulated, _analysis(simulated, measurement.experiment.frequency), settled))

@@ -12,7 +12,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, read_campaign
-from mofit.design.discrimination import with_neutral
+from mofit.design.criteria import with_neutral
 from mofit.design.information import SourceInformation, source_information
 from mofit.design.sources import Source, measured_source, planned_source
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors

@@ -12,7 +12,7 @@ for independent tests and a prior of precision P. :math:`\Sigma` is diagonal on 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -99,10 +99,12 @@ class Sensitivity:
 
     def first(self) -> Sensitivity:
         """The same at the first parameter sample only."""
-        return Sensitivity(
-            self.test, self.step, tuple(own[:1] for own in self.outputs),
-            tuple(own[:1] for own in self.jacobians), self.ranges, tuple(own[:1] for own in self.noise),
-        )  # fmt: skip
+        return replace(
+            self,
+            outputs=tuple(own[:1] for own in self.outputs),
+            jacobians=tuple(own[:1] for own in self.jacobians),
+            noise=tuple(own[:1] for own in self.noise),
+        )
 
 
 def sensitivities(
@@ -116,20 +118,8 @@ def sensitivities(
 ) -> Iterator[Sensitivity]:
     """Sensitivities of every test, one after the other.
 
-    Parameters
-    ----------
-    system
-        The model.
-    experiments
-        The tests; samples without weight are not used.
-    values
-        All of the system's parameters, shape (N, p_all).
-    noises
-        Of every test, per output.
-    names
-        Parameters of the derivatives.
-    jobs, tolerance
-        As in `mofit.simulation.Simulator`.
+    Values of all of the system's parameters have shape (N, p_all), noises are by test and output, derivatives are with
+    respect to the named parameters. Samples without weight are not used. See `mofit.simulation.Simulator`.
     """
     values = np.atleast_2d(values)
     few = len(values) * len(experiments) <= _FEW

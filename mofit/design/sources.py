@@ -64,16 +64,7 @@ class Source:
 def planned_source(name: str, plan: Plan, model: Model, named: Sequence[str] = (), jobs: int = 1) -> Source:
     """The tests of a plan; its effects count only where the model has them.
 
-    Parameters
-    ----------
-    name, plan
-        Name of the file, and the plan.
-    model
-        The model to be identified.
-    named
-        Tests that belong to the main identification whatever their kind.
-    jobs
-        Threads.
+    Tests that are ``named`` belong to the main identification whatever their kind.
 
     Raises
     ------
@@ -104,14 +95,7 @@ def measured_source(
 ) -> Source:
     """The tests of a campaign; their noise is estimated from the data as the identification does.
 
-    Parameters
-    ----------
-    name, campaign
-        Name of the file, and the campaign.
-    model, named, jobs
-        See `planned_source`.
-    seed
-        Of the starts of the calibration stages.
+    The seed is that of the starts of the calibration stages.
     """
     _require(name, named, campaign.tests)
     space = ParameterSpace(model.parameters)

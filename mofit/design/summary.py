@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from mofit.design.comparison_result import Comparison, ParameterResult
+from mofit.design.criteria import ENOUGH
 from mofit.design.design_job import Proposal
-from mofit.design.discrimination import ENOUGH
 from mofit.design.identifiability import IDENTIFIABLE, Identifiability
 from mofit.design.information import SourceInformation
 from mofit.design.optimal_design import Design

@@ -35,22 +35,8 @@ def verdict_sentence(
 ) -> str:
     """Why a parameter has its verdict.
 
-    Parameters
-    ----------
-    name, verdict
-        The parameter and its verdict.
-    relative_sd
-        Standard deviation over the magnitude of the value.
-    profile
-        Its expected profile, if one was traced.
-    correlated
-        Parameters that compensate for a change of it.
-    covariance
-        In the unit cube with the bounds, (d, d).
-    values
-        The reference values, (d,).
-    space
-        All parameters.
+    The relative standard deviation is over the magnitude of the value. Parameters that are ``correlated`` compensate
+    for a change of this one. The covariance (d, d) is in the unit cube, with the bounds; values (d,) are for reference.
     """
     if verdict == IDENTIFIABLE:
         return f"{name} is identifiable: expected standard deviation {percent(relative_sd)}."
@@ -101,10 +87,11 @@ def augmentation_sentences(comparison: Comparison) -> list[str]:
         if best is None:
             found.append(f"{name}: no single sine, chirp or step within ten minutes would make it identifiable.")
             continue
+        each = best.seconds / best.repeats
         often = "" if best.repeats == 1 else f", {best.repeats} times"
         value = known.samples[0, known.source.space.index(name)]
         size = f"{100 * best.sd / abs(value):.2g} %" if value else f"{best.sd:.3g} {known.source.space[name].unit}"
-        found.append(f"Cheapest augmentation for {name}: one more test, {best.test}, 20 s{often}: ±{size}.")
+        found.append(f"Cheapest augmentation for {name}: one more test, {best.test}, {each:g} s{often}: ±{size}.")
     return found
 
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from mofit.cli import main
-from mofit.cli.options import tests_by_name as parse_groups
+from mofit.cli.app import tests_by_name as parse_groups
 from mofit.cli.output import show_comparison
 from mofit.data import write_campaign
 from mofit.design.augmentation import Augmentation

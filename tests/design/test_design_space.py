@@ -7,8 +7,8 @@ import pytest
 
 from mofit.data import Experiment
 from mofit.design.candidate_space import Limits, read_space
+from mofit.design.candidates import RigLimits, declared_limits, required_limits, violation
 from mofit.design.default_space import default_space
-from mofit.design.rig_limits import RigLimits, declared_limits, required_limits, violation
 from mofit.errors import InputError
 from mofit.models import Channel, find_model
 

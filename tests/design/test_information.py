@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from mofit.data import Experiment
-from mofit.design.candidates import candidate_information
-from mofit.design.criteria import box_precision, scales
-from mofit.design.discrimination import discrimination, with_neutral
-from mofit.design.information import estimator_precision
+from mofit.design.criteria import box_precision, discrimination, scales, with_neutral
+from mofit.design.information import candidate_information, estimator_precision
 from mofit.design.noise_model import ChannelNoise
 from mofit.design.planned_tests import planned_data
 from mofit.models import Applied, Channel, Effect, Equations, Model, build_system, with_effects

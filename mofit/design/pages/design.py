@@ -25,17 +25,7 @@ _WIDE = 20.0
 
 
 def write_design_page(proposal: Proposal, summary: Mapping[str, Any], path: Path) -> Path:
-    """Write the page, self-contained; a file of this name is replaced.
-
-    Parameters
-    ----------
-    proposal
-        The design.
-    summary
-        Its summary.
-    path
-        The page.
-    """
+    """Write the page of a design and its summary, self-contained; a file of this name is replaced."""
     makers = (_tests, _why, _time, _singles, _infeasible, _method)
     sections = draw_sections([partial(make, summary=summary) for make in makers], proposal)
     source = proposal.design.known.source
@@ -139,9 +129,8 @@ def _time(proposal: Proposal, summary: Mapping[str, Any]) -> Section:
         Column("Criterion", [value_text(summary, p.value) for p in pareto]),
         words("Tests", [", ".join(f"{n} × {t}" if n > 1 else t for t, n in p.tests) for p in pareto]),
     ])  # fmt: skip
-    return Section(
-        "time", "What less time would give", [_time_figure(proposal), table], {"pareto": summary["pareto"]}
-    )  # fmt: skip
+    blocks: list[Block] = [_time_figure(proposal), table]
+    return Section("time", "What less time would give", blocks, {"pareto": summary["pareto"]})
 
 
 def _time_figure(proposal: Proposal) -> Figure:
