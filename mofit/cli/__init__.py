@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from cyclopts import CycloptsError
 
 # they register their commands
-from mofit.cli import batch, campaign, compare, design, diagnose, export, identify  # noqa: F401
+from mofit.cli import campaign, design, identify, runs  # noqa: F401
 from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
 from mofit.errors import InputError
 

@@ -1,17 +1,21 @@
-"""What all commands share: the application, exit codes, how they print."""
+"""What all commands share: the application, exit codes, options, how ``NAME=VALUE`` is read, how they print."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 from cyclopts import App, Parameter
 
 from mofit import __version__
-from mofit.errors import InputError
+from mofit.errors import InputError, Issue, raise_errors
+from mofit.identification.search_registry import search_help
+
+T = TypeVar("T")
 
 DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
 INTERRUPTED = 130
@@ -26,10 +30,98 @@ app = App(
     name="mofit",
     version=__version__,
     help="Identify dynamic models from test-bench data, with every plausible solution and calibrated uncertainty.",
-    help_format="rich",
     suppress_keyboard_interrupt=False,
     default_parameter=Parameter(negative="", show_default=_shown),
 )
+
+ModelName = Annotated[
+    str | None,
+    Parameter(help="Name of a shipped model, or path/to/file.py:Name. By default the channels decide."),
+]
+Effects = Annotated[
+    tuple[str, ...],
+    Parameter(help="Effect to add to the model: a shipped name, or path/to/file.py:Name; repeatable."),
+]
+Tests = Annotated[tuple[str, ...], Parameter(help="Use only the test of this name; repeatable.")]
+Bounds = Annotated[
+    tuple[str, ...],
+    Parameter(help="Bounds of a parameter in place of the model's, NAME=LOWER:UPPER in SI units; repeatable."),
+]
+Fixed = Annotated[tuple[str, ...], Parameter(help="Fix a parameter, NAME=VALUE in SI units; repeatable.")]
+Joint = Annotated[bool, Parameter(help="Estimate calibration and dynamic parameters at once.")]
+Search = Annotated[str, Parameter(help=search_help())]
+Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
+Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
+Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
+FinishedRun = Annotated[Path, Parameter(help="Folder of a finished run.")]
+
+
+def cores(jobs: int | None) -> int:
+    """The threads or processes asked for; by default one per core."""
+    return jobs or os.cpu_count() or 1
+
+
+def by_name(option: str, entries: Iterable[str]) -> dict[str, float]:
+    """``["a=1", "b=2"]`` to ``{"a": 1.0, "b": 2.0}``; an `InputError` has every entry that is not NAME=NUMBER."""
+    return _named(option, entries, float, "NUMBER", "1.5")
+
+
+def range_by_name(option: str, entries: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """``["a=1:2"]`` to ``{"a": (1.0, 2.0)}``; an `InputError` has every entry that is not NAME=LOWER:UPPER."""
+
+    def bounds(text: str) -> tuple[float, float]:
+        lower, _, upper = text.partition(":")
+        return float(lower), float(upper)
+
+    return _named(option, entries, bounds, "LOWER:UPPER", "1:2")
+
+
+def tests_by_name(option: str, entries: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """``["low=a,b"]`` to ``{"low": ("a", "b")}``; an `InputError` has every entry that is not NAME=TEST,TEST."""
+
+    def tests(text: str) -> tuple[str, ...]:
+        found = tuple(test.strip() for test in text.split(",") if test.strip())
+        if not found:
+            raise ValueError
+        return found
+
+    return _named(option, entries, tests, "TEST,TEST", "sine_a,sine_b")
+
+
+def _named(option: str, entries: Iterable[str], read: Callable[[str], T], form: str, example: str) -> dict[str, T]:
+    found: dict[str, T] = {}
+    issues = []
+    for entry in entries:
+        name, _, text = entry.partition("=")
+        name = name.strip()
+        try:
+            value = read(text) if name else None
+        except ValueError:
+            value = None
+        if value is None:
+            issues.append(Issue(f"{option} {entry}", f"is not NAME={form}", f"Write {option} name={example}"))
+        elif name in found:
+            issues.append(Issue(f"{option} {name}=…", "the name is used twice", "Give it once"))
+        else:
+            found[name] = value
+    raise_errors(issues)
+    return found
+
+
+def new_file(target: Path, option: str = "--out") -> Path:
+    """The file, if it does not exist and can be written; else an `InputError`."""
+    if target.exists():
+        raise InputError.of(str(target), "exists already", f"Name another with {option}, or remove it")
+    return writable(target, option)
+
+
+def writable(target: Path, option: str = "--out") -> Path:
+    """The file, if its folder can be written to; else an `InputError`."""
+    if not target.parent.is_dir():
+        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
+    if not os.access(target.parent, os.W_OK):
+        raise InputError.of(str(target), "its folder is not writable", f"Name another folder with {option}")
+    return target
 
 
 def say(text: str) -> None:
@@ -40,14 +132,3 @@ def say(text: str) -> None:
 def print_json(data: Any) -> None:
     """One object on standard output."""
     print(json.dumps(data, allow_nan=False))
-
-
-def new_file(target: Path) -> Path:
-    """The file, if it can be written without harm; else an `InputError`."""
-    if target.exists():
-        raise InputError.of(str(target), "exists already", "Name another with --out, or remove it")
-    if not target.parent.is_dir():
-        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError.of(str(target), "its folder is not writable", "Name another folder with --out")
-    return target

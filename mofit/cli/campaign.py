@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mofit.cli.app import DONE, UNUSABLE, app, new_file, print_json
-from mofit.cli.options import Json
+from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json
 
 if TYPE_CHECKING:
     from mofit.data import Campaign
@@ -46,9 +45,9 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
     Parameters
     ----------
     plan
-        Plan file (TOML).
+        Plan file (TOML): model, true parameters, tests and noise; see docs/models.md.
     out
-        Campaign file to write; by default the plan's name with .nc.
+        Campaign file to write. By default the plan's name with .nc.
     """
     from mofit.data import write_campaign
     from mofit.simulation.virtual_rig.rig import simulate as run

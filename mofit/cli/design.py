@@ -1,12 +1,96 @@
-"""The command that finds the next tests."""
+"""Commands before anything is measured: compare experiments, and design the next tests."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
-from mofit.cli.app import DONE, NOT_IDENTIFIABLE, app, print_json
-from mofit.cli.options import Effects, Jobs, Json, Seed, by_name, cores
-from mofit.errors import InputError
+from cyclopts import Parameter
+
+from mofit.cli.app import (
+    DONE,
+    NOT_IDENTIFIABLE,
+    Effects,
+    Jobs,
+    Json,
+    Seed,
+    app,
+    by_name,
+    cores,
+    new_file,
+    print_json,
+    tests_by_name,
+    writable,
+)
+
+ModelName = Annotated[
+    str | None,
+    Parameter(help="Name of a shipped model, or path/to/file.py:Name. By default the plan's, or the channels decide."),
+]
+At = Annotated[tuple[str, ...], Parameter(help="Reference value of a parameter, NAME=VALUE in SI units; repeatable.")]
+FromRun = Annotated[
+    Path | None,
+    Parameter(
+        help="Folder of a run whose posterior gives the parameter samples. "
+        "By default they are drawn from a box around the reference values."
+    ),
+]
+Samples = Annotated[int, Parameter(help="Number of parameter samples.")]
+Page = Annotated[Path | None, Parameter(help="HTML page to write.")]
+
+
+@app.command
+def compare(
+    *files: Path,
+    model: ModelName = None,
+    effect: Effects = (),
+    parameter: tuple[str, ...] = (),
+    group: tuple[str, ...] = (),
+    at: At = (),
+    run: FromRun = None,
+    samples: Samples = 16,
+    posterior: int = 0,
+    out: Page = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    as_json: Json = False,
+) -> int:
+    """Compare experiments before anything is measured: the expected uncertainty of each parameter, and why.
+
+    Example: mofit compare data/plans/paper.toml --parameter d_M --out compare.html
+
+    Parameters
+    ----------
+    files
+        Campaigns, or plans of `mofit simulate`. One file: each test, and all together.
+        Several: file against file.
+    parameter
+        Parameter to compare by: exit code 4 if no experiment identifies it; repeatable. By default all that no
+        calibration stage estimates.
+    group
+        An experiment of some tests, NAME=TEST,TEST; repeatable.
+    posterior
+        Number of experiments, the best first, whose simulated data are identified; shows the width of the posterior.
+    """
+    from mofit.cli.output import progress_bar, show_comparison
+    from mofit.design.comparison import compare_files
+    from mofit.design.prepare import Inputs
+    from mofit.design.summary import comparison_summary
+    from mofit.design.text import augmentation_sentences
+
+    inputs = Inputs(files, model, effect, by_name("--at", at), run, samples, seed, cores(jobs))
+    with progress_bar() as progress:
+        found = compare_files(inputs, parameter, tests_by_name("--group", group), posterior, progress)
+    summary = comparison_summary(found)
+    if out is not None:
+        from mofit.design.pages.comparison import write_comparison
+
+        summary["page"] = str(write_comparison(found, out))
+    if as_json:
+        print_json(summary)
+    else:
+        show_comparison(summary, augmentation_sentences(found))
+    return NOT_IDENTIFIABLE if found.not_identifiable else DONE
 
 
 @app.command
@@ -15,7 +99,7 @@ def design(
     /,
     *,
     space: Path | None = None,
-    model: str | None = None,
+    model: ModelName = None,
     effect: Effects = (),
     parameter: tuple[str, ...] = (),
     criterion: str | None = None,
@@ -24,11 +108,11 @@ def design(
     budget: str | None = None,
     robust: str = "mean",
     ignore_existing_tests: bool = False,
-    at: tuple[str, ...] = (),
-    run: Path | None = None,
-    samples: int = 8,
+    at: At = (),
+    run: FromRun = None,
+    samples: Samples = 8,
     plan: Path | None = None,
-    out: Path | None = None,
+    out: Page = None,
     seed: Seed = 0,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -40,48 +124,37 @@ def design(
     Parameters
     ----------
     file
-        Campaign, or plan of `mofit simulate`: the tests that there are or will be anyway.
+        Campaign, or plan of `mofit simulate`: the tests that exist, or are planned anyway.
     space
-        Design space (TOML): candidate tests and the limits of the rig; see docs/design.md. By default tests within
-        what those of FILE demonstrate.
-    model
-        Name of a shipped model, or path/to/file.py:Name. By default the plan's, or the channels decide.
+        Design space (TOML): candidate tests and the limits of the rig; see docs/design.md. By default the range that
+        the tests of FILE cover.
     parameter
-        Parameter to be learnt: exit code 4 if it stays not identifiable; repeatable. By default all that no
+        Parameter to estimate: exit code 4 if it stays not identifiable; repeatable. By default all that no
         calibration stage estimates.
     criterion
         c (one parameter, or a combination), D (all together), A (mean variance) or E (worst direction).
     combination
-        Weight of a relative change, NAME=WEIGHT, repeatable: d_M=1 c_M=-1 is the ratio of the two.
+        Weight of a parameter's relative change, NAME=WEIGHT; repeatable. d_M=1 and c_M=-1 give the ratio of the two.
     discriminate
-        Effect to be discriminated from a second one or (alone) from none; repeatable.
+        Effect to discriminate: one from no effect, two from each other; repeatable.
     budget
-        Time there is, overheads included, "120 s"; by default that of the longest test of FILE.
+        Time available with overheads, for example "120 s". By default that of the longest test of FILE.
     robust
-        Over the parameter samples: mean of the logarithm, or worst.
+        What counts over the parameter samples: mean (of the criterion's logarithm) or worst.
     ignore_existing_tests
         Start from the calibration stages alone, as if FILE had no other tests.
-    at
-        Reference value of a parameter, NAME=VALUE in SI units; repeatable.
-    run
-        Folder of a run: its posterior gives the parameter samples, instead of a box around the reference values.
-    samples
-        Number of parameter samples.
     plan
         Plan file to write the design into, for `mofit simulate`.
-    out
-        Page to write.
     """
     from mofit.cli.output import progress_bar, show_design
     from mofit.design.design_job import DesignJob, design_file
     from mofit.design.prepare import Inputs
     from mofit.design.summary import design_summary
 
-    if plan is not None and plan.exists():
-        raise InputError.of(f"--plan {plan}", "exists already", "Name another, or remove it")
-    for option, target in (("--plan", plan), ("--out", out)):
-        if target is not None and not target.parent.is_dir():
-            raise InputError.of(f"{option} {target}", "its folder does not exist", "Make the folder first")
+    if plan is not None:
+        new_file(plan, "--plan")
+    if out is not None:
+        writable(out)
     job = DesignJob(
         inputs=Inputs((file,), model, effect, by_name("--at", at), run, samples, seed, cores(jobs)),
         space=space,

@@ -1,11 +1,13 @@
-"""Commands on runs: identify, report, uncertainty."""
+"""Commands that estimate: identify, diagnose, and batch for many campaigns."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, app, print_json
-from mofit.cli.options import (
+from mofit.cli.app import (
+    DONE,
+    NOT_CONVERGED,
+    UNUSABLE,
     Bounds,
     Effects,
     Fixed,
@@ -16,8 +18,10 @@ from mofit.cli.options import (
     Search,
     Seed,
     Tests,
+    app,
     by_name,
     cores,
+    print_json,
     range_by_name,
 )
 from mofit.errors import InputError
@@ -52,7 +56,7 @@ def identify(
     Parameters
     ----------
     file
-        Campaign file; without one the bundled (simulated) campaign is taken.
+        Campaign file. By default the bundled (simulated) campaign.
     all_freqs
         Use all tests whose excitation the model is made for; the default without --freq and --test.
     freq
@@ -64,7 +68,7 @@ def identify(
     resume
         Resume an interrupted run.
     """
-    from mofit.cli.output import progress_bar
+    from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
     from mofit.workflows.jobs import Job, identify_file
 
@@ -79,63 +83,113 @@ def identify(
         seed=seed,
         jobs=cores(jobs),
     )
-    job = Job(file, model, effect, freq, test, settings, out, resume)
     with progress_bar() as progress:
-        folder, summary = identify_file(job, progress)
+        folder, summary = identify_file(Job(file, model, effect, freq, test, settings, out, resume), progress)
     if as_json:
         print_json(summary)
     else:
-        from mofit.cli.output import show_identification
-
         show_identification(summary, folder)
     return DONE if summary["converged"] else NOT_CONVERGED
 
 
 @app.command
-def report(run: Path, /, *, as_json: Json = False) -> int:
-    """Rebuild the HTML report of a run.
+def diagnose(
+    file: Path | None = None,
+    /,
+    *,
+    model: ModelName = None,
+    effects: tuple[str, ...] = (),
+    test: Tests = (),
+    bounds: Bounds = (),
+    fix: Fixed = (),
+    seed: Seed = 0,
+    out: Path | None = None,
+    jobs: Jobs = None,
+    as_json: Json = False,
+) -> int:
+    """Diagnose the gap between a campaign and a model: where it lies, which effect causes it, how far it shrinks.
 
-    Example: mofit report runs/my-campaign-maxwell_tyre
+    Example: mofit diagnose my_campaign.nc --model maxwell_tyre --effects my_effect.py
 
     Parameters
     ----------
-    run
-        Folder of a finished run.
+    file
+        Campaign file. By default the bundled (simulated) campaign.
+    effects
+        Candidate effect; repeatable. A shipped name: only those named are tried. path/to/file.py:Name: it is tried
+        beside the others. By default all shipped effects that the model admits.
+    out
+        Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
-    from mofit.report import build_report
+    from mofit.cli.output import progress_bar, show_diagnosis
+    from mofit.identification.settings import Settings
+    from mofit.workflows.jobs import Job, diagnose_file
 
-    page = build_report(run)
+    settings = Settings(
+        bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), seed=seed, jobs=cores(jobs)
+    )
+    with progress_bar() as progress:
+        folder, found = diagnose_file(Job(file, model, effects, (), test, settings, out), progress)
     if as_json:
-        print_json({"report": str(page)})
+        print_json({**found, "folder": str(folder)})
     else:
-        print(page)
+        show_diagnosis(found, folder)
     return DONE
 
 
 @app.command
-def uncertainty(run: Path, /, *, parameter: tuple[str, ...] = (), as_json: Json = False) -> int:
-    """Build the uncertainty page of a run: intervals, correlations, predictive bands, homogeneity of the tests.
+def batch(
+    *places: Path,
+    what: str = "identify",
+    model: ModelName = None,
+    effect: tuple[str, ...] = (),
+    search: Search = DEFAULT_SEARCH,
+    bounds: Bounds = (),
+    fix: Fixed = (),
+    joint: Joint = False,
+    seed: Seed = 0,
+    out: Path = Path("runs/batch"),
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    as_json: Json = False,
+) -> int:
+    """Identify or diagnose every campaign of some folders; called again, it resumes.
 
-    Example: mofit uncertainty runs/my-campaign-maxwell_tyre --parameter d_M
+    Example: mofit batch campaigns/ --out runs/loads --jobs 2
 
     Parameters
     ----------
-    run
-        Folder of a finished run.
-    parameter
-        Exit code 4 if the data do not identify this parameter; repeatable.
+    places
+        Campaign files, or folders of campaign files (.nc, .h5, .hdf5).
+    what
+        What to do with each campaign: identify or diagnose.
+    effect
+        Effect to add to the model, or (diagnose) candidate: a shipped name, or path/to/file.py:Name; repeatable.
+    out
+        Folder for the runs, table.csv and batch.html.
+    jobs
+        Processes on this machine, one campaign each. By default one per core.
+    scheduler
+        Address of a Dask scheduler, tcp://host:port. Its workers replace the processes; they must see the same files.
     """
-    from mofit.report import build_uncertainty
-    from mofit.report.uncertainty.table import uncertainty_summary
-    from mofit.results import open_result
+    from mofit.cli.output import progress_bar
+    from mofit.identification.settings import Settings
+    from mofit.workflows.batch import BatchJob, run_batch
 
-    tree = open_result(run)
-    table = uncertainty_summary(tree, parameter)
-    page = build_uncertainty(run, tree)
+    settings = Settings(
+        search=search, bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), joint=joint, seed=seed
+    )
+    job = BatchJob(places, out, what, model, effect, settings, cores(jobs), scheduler)
+    with progress_bar() as progress:
+        rows = run_batch(job, progress)
+    states = [row.state for row in rows]
     if as_json:
-        print_json({"uncertainty": str(page), **table})
+        campaigns = [{"name": row.name, "state": row.state, "message": row.message, **row.summary} for row in rows]
+        print_json({"out": str(out), "campaigns": campaigns})
     else:
-        print(page)
-    if not table["converged"]:
-        return NOT_CONVERGED
-    return NOT_IDENTIFIABLE if table["not_identifiable"] else DONE
+        for row in rows:
+            print(f"{row.name}: {row.state}{f' ({row.message})' if row.message else ''}")
+        print(f"{states.count('done')} of {len(rows)} done; page: {out / 'batch.html'}")
+    if "failed" in states:
+        return UNUSABLE
+    return NOT_CONVERGED if "not converged" in states else DONE

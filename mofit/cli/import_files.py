@@ -7,9 +7,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from mofit.cli.app import DONE, new_file, print_json
+from mofit.cli.app import DONE, Json, new_file, print_json
 from mofit.cli.campaign import report_campaign
-from mofit.cli.options import Json
 from mofit.data.importers.registry import import_formats
 from mofit.errors import InputError
 
@@ -34,7 +33,7 @@ def import_(
     guess
         Propose a map from the names and units of the columns, and import nothing.
     out
-        Campaign file to write, by default the map's name with .nc; with --guess the map file to write, by default
+        Campaign file to write. By default the map's name with .nc. With --guess: map file to write, by default
         standard output.
     """
     from mofit.data import import_files, propose_map, write_campaign

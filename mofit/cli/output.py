@@ -18,9 +18,14 @@ from mofit.runtime.progress import Progress as Listener
 @contextmanager
 def progress_bar() -> Iterator[Listener]:
     """A listener that draws one bar per stage on standard error; plain words where that is no terminal."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        yield _notes_only(console)
+
+        def remark(stage: str, done: float, total: float, note: str) -> None:
+            if total == 0 and note:  # made outside any count: only that should a log keep
+                console.print(f"mofit: {note}")
+
+        yield remark
         return
     columns = (
         SpinnerColumn(),
@@ -42,16 +47,6 @@ def progress_bar() -> Iterator[Listener]:
         yield listen
 
 
-def _notes_only(console: Console) -> Listener:
-    """Only what a log should keep: remarks made outside any count."""
-
-    def listen(stage: str, done: float, total: float, note: str) -> None:
-        if total == 0 and note:
-            console.print(f"mofit: {note}", highlight=False)
-
-    return listen
-
-
 #: Tables are not squeezed below this many columns where the output is no terminal.
 WIDTH = 120
 #: Parameters of a comparison that have room side by side.
@@ -63,8 +58,10 @@ _COLOURS = {"good": "green", "fair": "yellow", "bad": "red"}
 
 def terminal_console() -> Console:
     """Standard output; wide enough for a table where that is no terminal."""
-    console = Console()
-    return console if console.is_terminal else Console(width=WIDTH)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = WIDTH
+    return console
 
 
 def _table(*heads: str, words: Sequence[str] = (), title: str | None = None) -> Table:
@@ -88,19 +85,19 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
     for warning in summary["warnings"]:
-        console.print(f"warning: {warning}", highlight=False)
+        console.print(f"warning: {warning}")
     if not summary["converged"]:
         console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
-    console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}", highlight=False)
+    console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
 
 
 def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
     """The conclusion, the effects, and the next experiment."""
     console = terminal_console()
-    console.print(found["sentence"], style="bold", highlight=False)
+    console.print(found["sentence"], style="bold")
     where = found["where"]
     if where["residuals"]:
-        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)", highlight=False)
+        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)")
     if found["effects"]:
         table = _table("effect", "probability", "size", "5 %", "95 %", "unit", words=("unit",))
         for effect in found["effects"]:
@@ -109,24 +106,14 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
         console.print(table)
     if shrinkage := found["shrinkage"]:
         share = [f"{100 * shrinkage[key]:.1f}" for key in ("refitted", "low", "high")]
-        console.print(
-            f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).", highlight=False
-        )
+        console.print(f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).")
     if found["next_experiment"]:
-        console.print(found["next_experiment"]["sentence"], highlight=False)
-    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}", highlight=False)
+        console.print(found["next_experiment"]["sentence"])
+    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}")
 
 
 def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) -> None:
-    """Experiments × parameters, then why.
-
-    Parameters
-    ----------
-    summary
-        What ``--json`` prints.
-    augmentations
-        What would make parameters identifiable that no experiment identifies, in sentences.
-    """
+    """Experiments × parameters, then why, of what ``--json`` prints; last what would make the others identifiable."""
     from mofit.design.identifiability import IDENTIFIABLE
 
     console = terminal_console()
@@ -153,7 +140,7 @@ def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) ->
         converged = "" if all(own["converged"] for own in parameters.values()) else "; NOT CONVERGED"
         sentences.append(f"{name}: posterior of simulated data: {estimates}{converged}")
     for sentence in (*sentences, *summary["notes"], *augmentations):
-        console.print(sentence, highlight=False)
+        console.print(sentence)
 
 
 def _abreast(summary: Mapping[str, Any], names: Sequence[str]) -> Table:
@@ -204,7 +191,7 @@ def show_design(summary: Mapping[str, Any]) -> None:
             f"{100 * entry['relative_sd_before']:.2g} %", f"{100 * entry['relative_sd']:.2g} %", entry["verdict"],
         )  # fmt: skip
     console.print(table)
-    console.print(criterion_text(summary), highlight=False)
+    console.print(criterion_text(summary))
     table = _table("best single tests", "time", "criterion")
     for test in summary["singles"][:_BEST]:
         table.add_row(test["name"], f"{test['seconds']:.0f} s", value_text(summary, test["value"]))
@@ -212,4 +199,4 @@ def show_design(summary: Mapping[str, Any]) -> None:
     infeasible = ", ".join(f"{number} by {reason}" for reason, number in summary["infeasible"].items())
     candidates = f"{summary['candidates']} candidates" + (f"; infeasible: {infeasible}" if infeasible else "") + "."
     for sentence in (candidates, *summary["notes"], *summary["not_identifiable"]):
-        console.print(sentence, highlight=False)
+        console.print(sentence)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mofit.cli.options import by_name, range_by_name
+from mofit.cli.app import by_name, range_by_name
 from mofit.errors import InputError
 
 
