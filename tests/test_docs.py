@@ -80,8 +80,8 @@ def test_the_glossary_is_in_alphabetical_order() -> None:
     assert terms == sorted(terms, key=str.casefold)
 
 
-def test_the_glossary_and_the_method_name_modules_that_exist() -> None:
-    text = (DOCS / "glossary.md").read_text(encoding="utf-8") + (DOCS / "method.md").read_text(encoding="utf-8")
+def test_modules_that_are_named_exist() -> None:
+    text = "".join((DOCS / f"{page}.md").read_text(encoding="utf-8") for page in ("glossary", "method", "diagnosis"))
     named = [name for name in re.findall(r"`([a-z_/0-9]+\.py)`", text) if not name.startswith("scripts/")]
     assert len(named) > 10
     assert [name for name in named if not (ROOT / "mofit" / name).is_file()] == []
@@ -110,3 +110,12 @@ def test_numbers_of_the_method_are_those_of_the_code() -> None:
         f"{100 * sampling.independence:g} % propose",
     ):
         assert sentence in text
+
+
+def test_the_diagnosis_lists_every_class_of_lines() -> None:
+    from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+
+    text = (DOCS / "diagnosis.md").read_text(encoding="utf-8")
+    table = text.split("### 2 Classes of lines")[1].split("### 3")[0]
+    listed = re.findall(r"`([a-z]+)`", table.split("| class | lines |")[1].split("\n\n")[0])
+    assert listed == [one.name for one in SPECTRAL_CLASSES]
