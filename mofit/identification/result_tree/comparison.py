@@ -10,22 +10,13 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.identification.calibration import Calibration
 from mofit.identification.result import IdentificationResult, LocalFit
-from mofit.identification.result_tree.signals import predictions
-from mofit.optimize import Minimum
+from mofit.identification.result_tree.modes import laplace_sd, predictions
 from mofit.parameters import ParameterSpace
-from mofit.problem import Problem
 from mofit.quantities import title_of
 from mofit.results import axis, group_dataset, parameter_axis
-from mofit.sampling import laplace_covariance
 
 #: Table 4 of the paper lists three minima per frequency.
 MINIMA_PER_TEST = 3
-
-
-def laplace_sd(problem: Problem, minimum: Minimum) -> FloatArray:
-    """Standard deviation per parameter at a minimum; no wider than the box allows (variance 1/12)."""
-    spread = np.sqrt(np.diag(laplace_covariance(minimum.hessian)))
-    return np.asarray(spread * problem.space.derivative(problem.space.from_unit(minimum.point)))
 
 
 def per_frequency(space: ParameterSpace, fits: Mapping[str, LocalFit]) -> xr.Dataset:
@@ -37,7 +28,7 @@ def per_frequency(space: ParameterSpace, fits: Mapping[str, LocalFit]) -> xr.Dat
         fit = fits[test]
         for column, minimum in enumerate(fit.minima[:MINIMA_PER_TEST]):
             value[row, column] = space.from_unit(minimum.point)
-            sd[row, column] = laplace_sd(fit.problem, minimum)
+            sd[row, column] = laplace_sd(space, minimum.point, minimum.hessian)
             nrmsd[row, column] = fit.problem.objectives(minimum.point[None])[0, 0]
     return group_dataset(
         "/per_frequency",
@@ -65,11 +56,11 @@ def baseline_groups(fit: LocalFit) -> dict[str, xr.Dataset]:
 
 def calibration_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     """One group per stage, with the fitted curve."""
-    return {path: _stage(path, c) for c in outcome.calibrations for path in (f"/calibration/{c.stage.name}",)}
+    return {f"/calibration/{c.stage.name}": _stage(c) for c in outcome.calibrations}
 
 
-def _stage(path: str, calibration: Calibration) -> xr.Dataset:
-    problem = calibration.problem
+def _stage(calibration: Calibration) -> xr.Dataset:
+    problem, name = calibration.problem, calibration.stage.name
     source, output = problem.model.inputs[0], problem.model.outputs[0]
     used = [experiment.weights[:, 0] > 0 for experiment in problem.experiments]
 
@@ -78,7 +69,7 @@ def _stage(path: str, calibration: Calibration) -> xr.Dataset:
 
     title = title_of(output.name, output.description)
     return group_dataset(
-        path,
+        f"/calibration/{name}",
         {
             "value": list(calibration.values.values()),
             "sd": list(calibration.sd.values()),
@@ -87,7 +78,7 @@ def _stage(path: str, calibration: Calibration) -> xr.Dataset:
             "fitted": joined([values[0, :, 0] for values in problem.simulate(calibration.minimum[None])]),
             "nrmsd": float(np.mean(problem.objectives(calibration.minimum[None]))),
         },
-        parameter_axis(problem.space.names, problem.space.units, f"parameter_{calibration.stage.name}"),
+        parameter_axis(problem.space.names, problem.space.units, f"parameter_{name}"),
         {"model": problem.model.name, "tests": ", ".join(problem.tests)},
         units={"x": source.unit, "measured": output.unit, "fitted": output.unit},
         long_names={

@@ -9,12 +9,20 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult, PosteriorMode
-from mofit.identification.result_tree.comparison import laplace_sd
-from mofit.identification.result_tree.signals import predictions, predictive
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, test_log_likelihood
-from mofit.results import axis, draw_axes, draws_dataset, group_dataset, parameter_axis, quantity
+from mofit.quantities import title_of
+from mofit.results import (
+    Signal,
+    axis,
+    draw_axes,
+    draws_dataset,
+    group_dataset,
+    parameter_axis,
+    quantity,
+    signal_dataset,
+)
 from mofit.sampling import contraction, laplace_covariance, mixture, r_hat, verdict
 
 #: Posterior draws simulated for the predictive bands, and the most numbers they may take.
@@ -32,17 +40,47 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         groups[f"{path}/prediction"] = predictions(problem, mode.minimum.point)
         groups[f"{path}/posterior"] = draws_dataset(space, space.from_unit(draws.points))
         groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
-        groups[f"{path}/sample_stats"] = _sample_stats(f"{path}/sample_stats", mode)
+        groups[f"{path}/sample_stats"] = group_dataset(
+            f"{path}/sample_stats",
+            {"lp": draws.log_prob, "walker": draws.walker, "step": draws.step},
+            draw_axes(draws.points.shape),
+            {"acceptance": mode.chains.acceptance.tolist()},
+        )
         groups[f"{path}/log_likelihood"] = _log_likelihood(problem, mode, draws.points)
-        groups[f"{path}/posterior_predictive"] = predictive(problem, _few(problem, draws.points))
+        groups[f"{path}/posterior_predictive"] = _predictive(problem, draws.points)
     return groups
 
 
-def _few(problem: Problem, draws: FloatArray) -> FloatArray:
-    """Evenly spread draws, (chain, few, d)."""
+def laplace_sd(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> FloatArray:
+    """Standard deviation per parameter at a minimum; no wider than the box allows (variance 1/12)."""
+    sd = np.sqrt(np.diag(laplace_covariance(hessian)))
+    return np.asarray(sd * space.derivative(space.from_unit(point)))
+
+
+def predictions(problem: Problem, point: FloatArray) -> xr.Dataset:
+    """Simulated output of every test at one point (d,)."""
+    return _simulated(problem, [values[0, :, 0] for values in problem.simulate(point[None])])
+
+
+def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
+    """Simulated output of every test at some of the posterior draws (chain, draw, d), evenly spread."""
     samples = sum(len(experiment.inputs) for experiment in problem.experiments)
     wanted = max(1, min(PREDICTIVE_DRAWS, PREDICTIVE_NUMBERS // samples) // len(draws))
-    return draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
+    few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
+    chains, count, dimension = few.shape
+    simulated = problem.simulate(few.reshape(-1, dimension))
+    return _simulated(problem, [s[:, :, 0].reshape(chains, count, -1).astype(np.float32) for s in simulated])
+
+
+def _simulated(problem: Problem, values: list[FloatArray]) -> xr.Dataset:
+    output = problem.model.outputs[0]
+    title = f"simulated {title_of(output.name, output.description)}"
+    return signal_dataset(
+        {
+            m.name: Signal(m.name, m.time, own, output.unit, title)
+            for m, own in zip(problem.measurements, values, strict=True)
+        }
+    )
 
 
 def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray) -> xr.Dataset:
@@ -51,7 +89,6 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
     values = space.from_unit(samples)
     covariance = laplace_covariance(minimum.hessian)
     scale = np.sqrt(np.diag(covariance))
-    noise_scale = np.sqrt(np.diag(laplace_covariance(mode.noise_hessian)))
     q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
     nrmsd, derivative = (found[0] for found in problem.gradients(minimum.point[None]))
     return group_dataset(
@@ -59,8 +96,8 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
         {
             "value": space.from_unit(minimum.point),
             "at_bound": minimum.at_bound,
-            "laplace_sd": laplace_sd(problem, minimum),
-            "noise_sd": noise_scale * space.derivative(space.from_unit(minimum.point)),
+            "laplace_sd": laplace_sd(space, minimum.point, minimum.hessian),
+            "noise_sd": laplace_sd(space, minimum.point, mode.noise_hessian),
             "mean": values.mean(axis=0),
             "sd": values.std(axis=0),
             "q05": q05,
@@ -91,16 +128,6 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
             "converged": int(chains.converged),
             "evaluations": int(chains.evaluations),
         },
-    )
-
-
-def _sample_stats(path: str, mode: PosteriorMode) -> xr.Dataset:
-    draws = mode.chains.thinned()
-    return group_dataset(
-        path,
-        {"lp": draws.log_prob, "walker": draws.walker, "step": draws.step},
-        draw_axes(draws.points.shape),
-        {"acceptance": mode.chains.acceptance.tolist()},
     )
 
 

@@ -11,14 +11,18 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mofit import __version__
+from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
-from mofit.identification.result_tree.signals import constant_data, observed_data
 from mofit.optimize import hypervolume_history
-from mofit.results import SCHEMA, axis, group_dataset, parameter_axis, quantity
+from mofit.problem import Problem
+from mofit.quantities import title_of
+from mofit.results import SCHEMA, Signal, axis, group_dataset, parameter_axis, quantity, signal_dataset
 from mofit.runtime.run_directory import configuration_hash
 
+#: Evaluations at which the hypervolume is recorded, as shares of all.
+CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
 #: The libraries whose versions can change a number.
 LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee", "xarray", "arviz-stats", "moocore")
 
@@ -29,11 +33,10 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         "/": _root(outcome),
         "/parameters": _parameters(outcome),
         **_fixed(outcome),
-        "/search": _search(outcome),
-        "/front": _front(outcome),
+        **_search(outcome),
         "/minima": _minima(outcome),
-        "/observed_data": observed_data(outcome.problem),
-        "/constant_data": constant_data(outcome.problem),
+        "/observed_data": _observed_data(outcome.problem),
+        "/constant_data": _constant_data(outcome.problem),
         **outcome.references,
         **calibration_groups(outcome),
         **mode_groups(outcome),
@@ -68,8 +71,11 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "gap": problem.noise.gap,
         "effective_samples": problem.noise.independent,
     }
-    campaign = outcome.campaign
-    model = problem.model
+    campaign, model = outcome.campaign, problem.model
+    evaluations = {
+        "search": outcome.search.evaluations,
+        "sample": int(sum(mode.chains.evaluations for mode in outcome.modes)),
+    }
     attributes = {
         "schema": SCHEMA,
         "title": f"{model.title or model.name} on {campaign.title}",
@@ -86,18 +92,11 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "library_versions": json.dumps({name: version(name) for name in LIBRARIES}),
         "converged": int(outcome.converged),
         "seconds": json.dumps({name: round(value, 3) for name, value in outcome.seconds.items()}),
-        "evaluations": json.dumps(_evaluations(outcome)),
+        "evaluations": json.dumps(evaluations),
         "warnings": json.dumps(list(outcome.warnings)),
     }
     units = {"amplitude": problem.model.inputs[0].unit, "noise_sd": output.unit, "range": output.unit}
     return group_dataset("/", test, {"test": axis("test", list(problem.tests))}, attributes, units=units)
-
-
-def _evaluations(outcome: IdentificationResult) -> dict[str, int]:
-    return {
-        "search": outcome.search.evaluations,
-        "sample": int(sum(mode.chains.evaluations for mode in outcome.modes)),
-    }
 
 
 def _parameters(outcome: IdentificationResult) -> xr.Dataset:
@@ -129,60 +128,62 @@ def _fixed(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     return {"/fixed": xr.Dataset(variables)} if variables else {}
 
 
-def _search_values(outcome: IdentificationResult, points: np.ndarray) -> np.ndarray:
-    """Searched points as values of all free parameters; those held during the search are constant."""
-    full = outcome.searched.layout.full(points)
-    columns = [outcome.searched.system.parameters.index(name) for name in outcome.problem.space.names]
-    return np.asarray(full[:, columns])
+def _observed_data(problem: Problem) -> xr.Dataset:
+    """The measured output of every test."""
+    output = problem.model.outputs[0]
+    title = title_of(output.name, output.description)
+    return signal_dataset(
+        {m.name: Signal(m.name, m.time, m.channel(output.name), output.unit, title) for m in problem.measurements}
+    )
 
 
-#: Evaluations at which the hypervolume is recorded, as shares of all.
-CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
+def _constant_data(problem: Problem) -> xr.Dataset:
+    """Inputs as the simulation saw them, and where samples count."""
+    signals = {}
+    for measurement, experiment in zip(problem.measurements, problem.experiments, strict=True):
+        name, time = measurement.name, measurement.time
+        for values, channel in zip(experiment.inputs.T, problem.model.inputs, strict=True):
+            title = title_of(channel.name, channel.description)
+            signals[f"{name}_{channel.name}"] = Signal(name, time, values, channel.unit, title)
+        used = (experiment.weights[:, 0] > 0).astype(np.int8)
+        signals[f"{name}_weight"] = Signal(name, time, used, "1", "1 where it is used")
+    return signal_dataset(signals)
 
 
-def _search(outcome: IdentificationResult) -> xr.Dataset:
-    found = outcome.search
+def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
+    """What the search evaluated, and its Pareto front."""
+    found, searched, space = outcome.search, outcome.searched, outcome.problem.space
+    columns = [searched.system.parameters.index(name) for name in space.names]
+
+    def values(points: FloatArray) -> FloatArray:
+        """Of all free parameters; those that were fixed during the search are constant."""
+        return np.asarray(searched.layout.full(points)[:, columns])
+
     checkpoints = np.unique(np.ceil(np.array(CHECKPOINTS) * found.evaluations).astype(int))
-    return group_dataset(
-        "/search",
-        {
-            "hypervolume": hypervolume_history(found.objectives, checkpoints),
-            "best": np.minimum.accumulate(found.cost)[checkpoints - 1],
-            "points": _search_values(outcome, found.points),
-            "nrmsd": found.objectives,
-            "archived": _search_values(outcome, found.archived_points),
-            "archived_cost": found.archived_cost,
-            "population": _search_values(outcome, found.population_points),
-        },
-        {
-            **parameter_axis(outcome.problem.space.names, outcome.problem.space.units),
-            "objective": axis("objective", list(outcome.searched.tests)),
-            "checkpoint": axis("checkpoint", checkpoints),
-        },
-        {
-            "method": outcome.configuration["search"],
-            "evaluations": found.evaluations,
-            "gradients": found.gradients,
-            "expected_undiscovered_minima": np.nan
-            if found.expected_undiscovered is None
-            else found.expected_undiscovered,
-        },
-    )
-
-
-def _front(outcome: IdentificationResult) -> xr.Dataset:
-    found = outcome.search
-    return group_dataset(
-        "/front",
-        {
-            "nrmsd": found.objectives[found.front],
-            "parameters": _search_values(outcome, found.points[found.front]),
-        },
-        {
-            **parameter_axis(outcome.problem.space.names, outcome.problem.space.units),
-            "objective": axis("objective", list(outcome.searched.tests)),
-        },
-    )
+    axes = {**parameter_axis(space.names, space.units), "objective": axis("objective", list(searched.tests))}
+    history = {
+        "hypervolume": hypervolume_history(found.objectives, checkpoints),
+        "best": np.minimum.accumulate(found.cost)[checkpoints - 1],
+        "points": values(found.points),
+        "nrmsd": found.objectives,
+        "archived": values(found.archived_points),
+        "archived_cost": found.archived_cost,
+        "population": values(found.population_points),
+    }
+    front = {"nrmsd": found.objectives[found.front], "parameters": values(found.points[found.front])}
+    undiscovered = found.expected_undiscovered
+    attributes = {
+        "method": outcome.configuration["search"],
+        "evaluations": found.evaluations,
+        "gradients": found.gradients,
+        "expected_undiscovered_minima": np.nan if undiscovered is None else undiscovered,
+    }
+    return {
+        "/search": group_dataset(
+            "/search", history, {**axes, "checkpoint": axis("checkpoint", checkpoints)}, attributes
+        ),
+        "/front": group_dataset("/front", front, axes),
+    }
 
 
 def _minima(outcome: IdentificationResult) -> xr.Dataset:
