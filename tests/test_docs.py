@@ -119,3 +119,26 @@ def test_the_diagnosis_lists_every_class_of_lines() -> None:
     table = text.split("### 2 Classes of lines")[1].split("### 3")[0]
     listed = re.findall(r"`([a-z]+)`", table.split("| class | lines |")[1].split("\n\n")[0])
     assert listed == [one.name for one in SPECTRAL_CLASSES]
+
+
+def test_numbers_of_the_diagnosis_are_those_of_the_code() -> None:
+    from mofit.diagnosis.settings import DiagnosisSettings
+
+    text = " ".join((DOCS / "diagnosis.md").read_text(encoding="utf-8").split())
+    rules = DiagnosisSettings()
+    following = rules.next_experiment
+    for sentence in (
+        f"score test has p < {rules.gap_p_value:g}",
+        f"({rules.most_refits} at most)",
+        f"EBIC differs by less than {rules.indistinguishable:g}",
+        f"the limit is {rules.indistinguishable_of_several:g},",
+        f"is left (p < {rules.one_more_p_value:g})",
+        f"residual tests have p < {rules.residual_p_value:g}",
+        f"exceeds {100 * rules.residual_of_peak:g} % of the output's peak",
+        f"more than {100 * rules.residual_share:g} % of the gap of the baseline",
+        f"({100 * rules.residual_share_of_several:g} % where several effects were needed)",
+        f"leaves at most {100 * rules.coarse_share:g} % of the squared gap",
+        f"from {following.shortest:g} s to {following.longest:g} s long",
+        f"the power is at least {100 * following.power:g} %",
+    ):
+        assert sentence in text
