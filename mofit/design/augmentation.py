@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit.data import Experiment
-from mofit.design.candidates import driven_input
+from mofit.design.candidates import driven_input, shown_unit
 from mofit.design.identifiability import identifiability, is_identifiable, relative_size
 from mofit.design.information import SourceInformation, estimator_precision, information
 from mofit.design.planned_tests import group_of, planned_tests
@@ -85,9 +85,9 @@ def _candidates(source: Source) -> Iterator[Experiment]:
     own = [test.frequency for test in known if test.frequency] or SETTINGS.unknown
     low = max(min(own) / SETTINGS.beyond, SETTINGS.periods / SETTINGS.seconds)
     high = min(max(own) * SETTINGS.beyond, rate / SETTINGS.samples_per_period)
-    scale, shown = (180 / np.pi, "deg") if driven.unit == "rad" else (1.0, driven.unit)
+    unit, factor = shown_unit(driven.unit)
     for share in SETTINGS.amplitudes:
-        size = f"amplitude {scale * share * largest:.3g} {shown}"
+        size = f"amplitude {factor * share * largest:.3g} {unit}"
         tests = [("sine", f"sine of {frequency:.2g} Hz, {size}", {"frequency": float(f"{frequency:.2g}")})
                  for frequency in np.geomspace(low, high, SETTINGS.frequencies)]  # fmt: skip
         sweep = {"frequency": low, "last_frequency": high}

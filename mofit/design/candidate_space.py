@@ -1,9 +1,11 @@
-"""The design space: candidate tests as grids, and the limits of the rig, from a TOML file."""
+"""The design space: candidate tests as grids, from a TOML file or within what known tests demonstrate of the rig."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,13 +13,38 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
+from mofit.data import Experiment
+from mofit.design.candidates import Limits, demonstrated_limits, required_limits, shown_unit
 from mofit.errors import InputError, did_you_mean
+from mofit.models import Channel
 from mofit.runtime.toml import Strict, read_toml
 from mofit.simulation.virtual_rig.plan import NEEDED, TestPlan, with_defaults
 from mofit.units import Quantity
 
 #: More candidates than this take minutes, and finer grids do not change the design.
 MOST_CANDIDATES = 5000
+
+
+@dataclass(frozen=True)
+class DefaultSpaceSettings:
+    """Grids of the space."""
+
+    beyond: float = 2.5
+    """Frequencies reach so far beyond the known ones, each way: a model is rarely trusted further."""
+    frequencies: int = 15
+    """Sine frequencies: neighbours differ by less than a parameter's optimum is wide."""
+    amplitudes: tuple[float, ...] = (0.25, 0.5, 1.0)
+    durations: tuple[float, ...] = (0.25, 0.5, 1.0)
+    """Shares of the largest amplitude, and of the time there is."""
+    periods: int = 3
+    """Periods that a sine or multisine must have room for: one is transient, two are used."""
+    samples_per_period: int = 20
+    """At the highest frequency, so that the interpolated input is still a sine."""
+    unknown: tuple[float, float] = (0.1, 10.0)
+    """Frequencies where the known tests have none [Hz]."""
+
+
+SETTINGS = DefaultSpaceSettings()
 
 
 class Grid(Strict):
@@ -115,21 +142,6 @@ class CandidateGrid(Strict):
         return found
 
 
-class Limits(Strict):
-    """What the rig can do at most; what is left out is not limited.
-
-    ``amplitude``, ``rate`` and ``acceleration`` are those of the driven input and its time derivatives (ramps are
-    limited by their rate alone), ``outputs`` the largest magnitudes of outputs as the model predicts them.
-    """
-
-    amplitude: Quantity | None = None
-    rate: Quantity | None = None
-    acceleration: Quantity | None = None
-    sample_rate: Quantity | None = None
-    duration: Quantity | None = None
-    outputs: dict[str, Quantity] = Field(default_factory=dict)
-
-
 class Space(Strict):
     """A design space. ``overhead`` is the rig's time per test beside its duration (mounting, pause) [s]."""
 
@@ -179,20 +191,74 @@ def _split(value: Quantity) -> tuple[float, str]:
         raise ValueError(f"'{value}' is no number with a unit, like '2 deg'") from None
 
 
-_NAMED = ("frequency", "last_frequency", "lines", "amplitude", "ramp_rate", "periods", "duration")
-
-
 def _name(entry: Mapping[str, Any]) -> str:
     """``sine_0_4Hz_2deg_60s``: kind and settings, fit for a file."""
     parts = [entry["kind"]]
-    for key in _NAMED:
-        if key in entry:
-            value = entry[key]
-            shown = {"lines": lambda v: "l" + "-".join(map(str, v)), "periods": lambda v: f"{v:g}periods"}
-            parts.append(shown.get(key, str)(value))
+    for key in ("frequency", "last_frequency", "lines", "amplitude", "ramp_rate", "periods", "duration"):
+        if key not in entry:
+            continue
+        if key == "lines":
+            parts.append("l" + "-".join(map(str, entry[key])))
+        else:
+            parts.append(f"{entry[key]:g}periods" if key == "periods" else str(entry[key]))
     parts += map(str, entry["conditions"].values())
-    return "_".join("".join(_plain(c) for c in part) for part in parts)
+    return "_".join(re.sub(r"[^\w-]", "", part.replace(".", "_")) for part in parts)
 
 
-def _plain(c: str) -> str:
-    return c if c.isalnum() or c in "-_" else {".": "_"}.get(c, "")
+def default_space(
+    experiments: Sequence[Experiment],
+    driven: Channel,
+    kinds: Collection[str],
+    budget: float,
+    overhead: float,
+    *,
+    measured: bool = False,
+) -> Space:
+    """Tests of some kinds (sine, multisine, chirp, step) within what known tests demonstrate of the rig.
+
+    Parameters
+    ----------
+    experiments, driven
+        The known tests that excite the driven input, and that input.
+    kinds
+        Kinds of tests to offer.
+    budget, overhead
+        Time there is, and time per test beside its duration [s].
+    measured
+        Whether the inputs are measured, hence noisy.
+    """
+    limits = demonstrated_limits([required_limits(experiment, driven.name, measured) for experiment in experiments])
+    frequencies = [experiment.frequency for experiment in experiments if experiment.frequency] or SETTINGS.unknown
+    time = max(budget - overhead, 1e-3)
+    low = max(min(frequencies) / SETTINGS.beyond, SETTINGS.periods / time)
+    high = min(max(frequencies) * SETTINGS.beyond, limits.sample_rate / SETTINGS.samples_per_period)
+    high = max(high, 2 * low)
+    unit, factor = shown_unit(driven.unit)
+    largest, rate = f"{_short(limits.amplitude * factor)} {unit}", f"{_short(limits.rate * factor)} {unit}/s"
+    acceleration = f"{_short(limits.acceleration * factor)} {unit}/s^2" if math.isfinite(limits.acceleration) else None
+    amplitudes = [f"{_short(share * limits.amplitude * factor)} {unit}" for share in SETTINGS.amplitudes]
+    durations = [f"{_short(share * time)} s" for share in SETTINGS.durations]
+    grids: list[dict[str, Any]] = [
+        {"kind": "sine", "frequency": _hertz(np.geomspace(low, high, SETTINGS.frequencies))},
+        {
+            "kind": "multisine",
+            "frequency": _hertz(np.geomspace(low, max(high / 9, low), 4)),
+            "lines": [[1, 2, 3, 4, 5], [1, 3, 9]],
+        },
+        {"kind": "chirp", "frequency": _hertz([low, math.sqrt(low * high)]), "last_frequency": _hertz([high])},
+        {"kind": "step", "ramp_rate": rate},
+    ]
+    common = {"sample_rate": f"{_short(limits.sample_rate)} Hz", "amplitude": amplitudes, "duration": durations}
+    return Space(
+        overhead=f"{_short(overhead)} s",
+        limits=Limits(amplitude=largest, rate=rate, acceleration=acceleration),
+        tests=tuple(CandidateGrid.model_validate({**common, **grid}) for grid in grids if grid["kind"] in kinds),
+    )
+
+
+def _short(value: float) -> str:
+    return f"{float(f'{value:.4g}'):g}"
+
+
+def _hertz(values: Sequence[float] | np.ndarray) -> list[str]:
+    return [f"{_short(float(value))} Hz" for value in dict.fromkeys(map(float, values))]

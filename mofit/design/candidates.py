@@ -6,17 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from pydantic import Field
 from scipy.interpolate import CubicSpline
 
 from mofit.data import Experiment
 from mofit.data.signals import smooth_derivative
-from mofit.design.candidate_space import Limits
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Model
+from mofit.runtime.toml import Strict
 from mofit.simulation.virtual_rig.plan import Plan, TestPlan
 from mofit.simulation.virtual_rig.setup import set_up
 from mofit.units import Quantity, parse_quantity
 
+#: Unit in which what a rig drives is shown, and its factor from SI; others stay in SI.
+_SHOWN = {"rad": ("deg", 180 / np.pi), "m": ("mm", 1e3)}
 #: Rounding of a grid's values must not push a test over a limit that it is meant to reach.
 _TOLERANCE = 1e-3
 
@@ -38,6 +41,21 @@ class Candidate:
     def name(self) -> str:
         """Name of the test."""
         return self.plan.name
+
+
+class Limits(Strict):
+    """What the rig can do at most; what is left out is not limited.
+
+    ``amplitude``, ``rate`` and ``acceleration`` are those of the driven input and its time derivatives (ramps are
+    limited by their rate alone), ``outputs`` the largest magnitudes of outputs as the model predicts them.
+    """
+
+    amplitude: Quantity | None = None
+    rate: Quantity | None = None
+    acceleration: Quantity | None = None
+    sample_rate: Quantity | None = None
+    duration: Quantity | None = None
+    outputs: dict[str, Quantity] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -91,6 +109,11 @@ def candidates(base: Plan, plans: Sequence[TestPlan], limits: RigLimits, overhea
 def driven_input(model: Model) -> Channel:
     """The channel that a rig drives."""
     return next(channel for channel in model.inputs if channel.derivative_of is None)
+
+
+def shown_unit(unit: str) -> tuple[str, float]:
+    """The unit in which an SI unit of a driven input is shown, and its factor."""
+    return _SHOWN.get(unit, (unit, 1.0))
 
 
 def declared_limits(limits: Limits, model: Model) -> RigLimits:
@@ -156,7 +179,7 @@ def demonstrated_limits(tests: Sequence[RigLimits]) -> RigLimits:
 
 
 def violation(required: RigLimits, limits: RigLimits, unit: str) -> str:
-    """The limit that a test violates, in words with numbers; empty if none."""
+    """The limit of the input that a test violates, in words with numbers; empty if none."""
     units = _units(unit)
     if required.channel != limits.channel:  # a calibration stage's own input
         units = {key: own for key, own in units.items() if key in ("sample_rate", "duration")}
@@ -164,11 +187,11 @@ def violation(required: RigLimits, limits: RigLimits, unit: str) -> str:
         need, allowed = getattr(required, key), getattr(limits, key)
         if need > allowed * (1 + _TOLERANCE):
             return f"{key.replace('_', ' ')}: {need:.3g} {own}, limit {allowed:.3g}"
-    return output_violation(required.outputs, limits)
+    return ""
 
 
 def output_violation(outputs: Mapping[str, float], limits: RigLimits) -> str:
-    """The same for the largest magnitudes of outputs by name."""
+    """The same for the outputs, from their largest magnitudes by name."""
     for name, need in outputs.items():
         if need > limits.outputs.get(name, np.inf) * (1 + _TOLERANCE):
             return f"{name.replace('_', ' ')}: {need:.3g}, limit {limits.outputs[name]:.3g} (SI)"
@@ -176,13 +199,8 @@ def output_violation(outputs: Mapping[str, float], limits: RigLimits) -> str:
 
 
 def _units(unit: str) -> dict[str, str]:
-    return {
-        "amplitude": unit,
-        "rate": f"{unit}/s",
-        "acceleration": f"{unit}/s^2",
-        "sample_rate": "Hz",
-        "duration": "s",
-    }
+    own = {"amplitude": unit, "rate": f"{unit}/s", "acceleration": f"{unit}/s^2"}
+    return {**own, "sample_rate": "Hz", "duration": "s"}
 
 
 def _positive(where: str, value: Quantity | None, unit: str, issues: list[Issue]) -> float:

@@ -27,13 +27,11 @@ class ParameterResult:
     """One parameter in one experiment; SI units, standard deviations at most those of the bounds."""
 
     parameter: str
-    """Its name."""
     verdict: str
     """One of `mofit.design.identifiability.VERDICTS`."""
     sd: float
     relative_sd: float
-    """Expected standard deviation of the estimate, median over the parameter samples; and over the value's
-    magnitude."""
+    """Expected standard deviation of the estimate, median over the samples; and over the value's magnitude."""
     sd_at_values: float
     """The same at the reference values alone; from the profile, where one was traced and closes."""
     relative_sd_range: tuple[float, float]
@@ -53,7 +51,6 @@ class ParameterResult:
     profile: ProfileInterval | None
     """Its expected profile, where one was traced."""
     sentence: str
-    """The result in words."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +58,9 @@ class ExperimentResult:
     """One experiment: its parameters and their correlation at the reference values."""
 
     experiment: ExperimentSet
-    """Its tests."""
     seconds: float
-    """Their duration, without calibration tests and pauses."""
+    """Duration of its tests, without calibration tests and pauses."""
     parameters: Mapping[str, ParameterResult]
-    """Results by parameter."""
     covariance: FloatArray
     """Of all parameters in the unit cube with their bounds, (d, d)."""
     condition_index: float
@@ -77,9 +72,7 @@ class InformationShare:
     """How much each of T tests contributes to the information on P parameters in one experiment."""
 
     experiment: str
-    """Name of the experiment."""
     tests: tuple[str, ...]
-    """Names of its tests."""
     share: FloatArray
     """Share of the precision of each parameter, all others estimated along with it, (T, P)."""
     calibration: FloatArray
@@ -99,7 +92,6 @@ class Comparison:
     sources: tuple[SourceInformation, ...]
     """Information of the tests of each file."""
     experiments: tuple[ExperimentResult, ...]
-    """Results by experiment."""
     shares: tuple[InformationShare, ...]
     """Of every experiment of several tests."""
     notes: tuple[str, ...]

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mofit.data import Campaign
-from mofit.design.candidate_space import Space, read_space
+from mofit.design.candidate_space import Space, default_space, read_space
 from mofit.design.candidates import candidates, declared_limits, driven_input
 from mofit.design.criteria import Criterion, Discrimination, discrimination, parameter_criterion
-from mofit.design.default_space import default_space
 from mofit.design.optimal_design import Design, DesignEvaluation, optimal_design
 from mofit.design.prepare import Inputs, Prepared, prepare
 from mofit.design.sources import Source
@@ -102,18 +101,13 @@ def _budget(given: Quantity | None, source: Source, overhead: float) -> tuple[fl
     if given is None:
         longest = max(test.seconds for test in source.main or source.tests)
         return longest + overhead, [f"No --budget: it is the time of the longest test of the file, {longest:.4g} s."]
-    budget, _ = parse_quantity("--budget", float(given) if _is_number(given) else given, "s")
+    try:
+        budget = float(given)
+    except ValueError:
+        budget, _ = parse_quantity("--budget", given, "s")
     if not budget > 0:
         raise InputError.of("--budget", f"{given} is not above 0", "Give a time, like '120 s'")
     return budget, []
-
-
-def _is_number(value: Quantity) -> bool:
-    try:
-        float(value)
-    except ValueError:
-        return False
-    return True
 
 
 def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:

@@ -13,7 +13,6 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.design.identifiability import BOX_SD, Identifiability, identifiability
 from mofit.design.information import SourceInformation
-from mofit.design.noise_model import combined, independent_share, mean_variance
 from mofit.design.sensitivity import Sensitivity
 from mofit.models import build_system
 from mofit.optimize import profile
@@ -72,20 +71,18 @@ class ExpectedData:
         known, source = self.information, self.information.source
         index = [i for i, test in enumerate(source.main) if test.name in tests]
         own = [known.tests.main[i] for i in index]
-        count = np.array([sum(part.shape[1] for part in test.outputs) for test in own], dtype=float)
-        noise = [[combined(part[0]) for part in test.noise] for test in own]
-        floor = [
-            np.sqrt(np.mean([mean_variance(part) / width**2 for part, width in zip(parts, test.ranges, strict=True)]))
-            for parts, test in zip(noise, own, strict=True)
-        ]
-        independent = [sum(independent_share(part) * part.count for part in parts) for parts in noise]
+        noise = Noise(
+            count=np.array([float(test.count) for test in own]),
+            floor=np.array([np.sqrt(test.noise_variance[0]) for test in own]),
+            independent=np.array([test.independent[0] for test in own]),
+            gap=0.0,
+        )
         simulator = self.simulator.select(index)
         centre, names = known.unit[0], source.space.names
         problem = Problem(
             model=source.model, system=simulator.system, measurements=(), signals=(),
             layout=ParameterLayout.of_model(source.model.parameters, source.space),
-            simulator=simulator, experiments=simulator.experiments,
-            noise=Noise(count, np.array(floor), np.array(independent), gap=0.0),
+            simulator=simulator, experiments=simulator.experiments, noise=noise,
             prior=GaussianPrior(names, centre, known.precision(())[0]),
         )  # fmt: skip
         score = _expected_score(own, known.derivative[0])

@@ -85,17 +85,29 @@ class Sensitivity:
         )  # fmt: skip
         return np.asarray(self.weight[:, None, None] ** 2 * sums)
 
+    @property
+    def count(self) -> int:
+        """Number of samples used in the fit, of all outputs."""
+        return sum(own.shape[1] for own in self.outputs)
+
+    @cached_property
+    def noise_variance(self) -> FloatArray:
+        """Variance of the noise over the squared range, mean of the outputs, (N,)."""
+        return np.array([
+            np.mean([mean_variance(combined(own)) / width**2 for own, width in zip(parts, self.ranges, strict=True)])
+            for parts in zip(*self.noise, strict=True)
+        ])  # fmt: skip
+
+    @cached_property
+    def independent(self) -> FloatArray:
+        """Expected number of independent samples, as the identification counts them, (N,)."""
+        whole = [[combined(own) for own in parts] for parts in zip(*self.noise, strict=True)]
+        return np.array([sum(independent_share(own) * own.count for own in parts) for parts in whole])
+
     @cached_property
     def weight(self) -> FloatArray:
         r"""Weight of the test's squares, :math:`\nu / (n v)` as in `mofit.problem.Noise`, (N,)."""
-        count = sum(own.shape[1] for own in self.outputs)
-        weights = []
-        for parts in zip(*self.noise, strict=True):
-            whole = [combined(own) for own in parts]
-            variance = np.mean([mean_variance(own) / width**2 for own, width in zip(whole, self.ranges, strict=True)])
-            independent = sum(independent_share(own) * own.count for own in whole)
-            weights.append(independent / (count * variance))
-        return np.array(weights)
+        return np.asarray(self.independent / (self.count * self.noise_variance))
 
     def first(self) -> Sensitivity:
         """The same at the first parameter sample only."""

@@ -54,7 +54,7 @@ def verdict_sentence(
 
 
 def _compensation(name: str, other: str, covariance: FloatArray, values: FloatArray, space: ParameterSpace) -> str:
-    """How another parameter compensates for a change: ``d_y −4 % compensates for d_M +10 %``."""
+    """How another parameter compensates for a change: ``b −4 % compensates for a +10 %``."""
     i, j = space.index(name), space.index(other)
     sizes = relative_size(space, values[None])[0]
     if values[i] == 0 or values[j] == 0:
