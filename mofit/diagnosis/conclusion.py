@@ -11,6 +11,7 @@ import numpy as np
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.refit import CandidateModel, probabilities
 from mofit.diagnosis.residual_map import ResidualMap
+from mofit.diagnosis.residual_tests import Residuals
 from mofit.diagnosis.settings import DiagnosisSettings
 
 Verdict = Literal["none", "effect", "group", "several", "unknown"]
@@ -23,14 +24,9 @@ _SMALLEST = 1e-16
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect with its probability, and its size with a 90 % interval, in ``unit``.
+    """An effect with its probability, its size with a 90 % interval in ``unit``, and all its ``values``, fitted.
 
-    Attributes
-    ----------
-    values
-        All of the effect's parameters, fitted.
-    present_in_calibration
-        Whether the effect seems to have been present in the calibration tests too.
+    ``present_in_calibration``: whether it seems to have been present in the calibration tests too.
     """
 
     name: str
@@ -80,7 +76,7 @@ def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:
 
 @dataclass(frozen=True)
 class Finding:
-    """What the verdict depends on, in numbers.
+    """What the verdict depends on.
 
     Parameters
     ----------
@@ -90,7 +86,7 @@ class Finding:
         Whether there is a gap.
     left_p_value, left_of_peak, left_share
         What the best model leaves: the p-value of its residual tests, its root mean square relative to the output's
-        peak in the worst test, its share of the gap's squares.
+        peak in the worst test, its share of the gap's mean square.
     doubtful
         Whether other models are indistinguishable from the best.
     """
@@ -140,13 +136,14 @@ def conclude(
     share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0
     peaks = np.array(list(after.peaks.values()))
     of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
+    doubtful = doubtful_effects([one.effects for one in equal])
     finding = Finding(
         effects=best.effects,
         significant=found.p_value < settings.gap_p_value,
         left_p_value=found.best_residuals.p_value,
         left_of_peak=float(of_peak.max()),
         left_share=share,
-        doubtful=bool(doubtful_effects([one.effects for one in equal])),
+        doubtful=bool(doubtful),
     )
     share = share if reported_share is None else reported_share
     verdict = finding.verdict(settings)
@@ -156,9 +153,8 @@ def conclude(
     titles = {effect.name: effect.title for effect in effects}
     named = [titles[name] for name in titles if name in best.effects]
     if verdict == "unknown":
-        near = nearest(named, share) if named else unexplained(found, after.unit)
+        near = nearest(named, share) if named else unexplained(found.best_residuals, after.unit)
         return Conclusion("unknown", f"None of the known effects explains the gap{near}.", effects, equal, share)
-    doubtful = doubtful_effects([one.effects for one in equal])
     others = [titles[name] for name in titles if name in doubtful and name not in best.effects]
     rest = share if finding.beyond_noise(settings) and share > settings.reported_share else 0.0
     return Conclusion(verdict, cause(named, others, rest), effects, equal, share)
@@ -166,13 +162,13 @@ def conclude(
 
 def nearest(titles: Sequence[str], share: float) -> str:
     """How much the best model leaves of a gap that it does not explain."""
-    left = f"{100 * share:.0f} % of it" if round(100 * share) else "a pattern of little power"
-    return f"; the nearest, {' with '.join(titles)}, leaves {left}"
+    percent, doubt = (f"{100 * share:.0f}", "") if round(100 * share) else ("less than 0.5", ", which is significant")
+    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of its mean square{doubt}"
 
 
-def unexplained(found: Attribution, unit: str) -> str:
+def unexplained(residuals: Residuals, unit: str) -> str:
     """The most significant residual test of a gap that no effect comes near."""
-    test, p = found.best_residuals.tests[0], found.best_residuals.p_value
+    test, p = residuals.tests[0], residuals.p_value
     bound = f"= {p:.1g}" if p > _SMALLEST else f"< {_SMALLEST:g}"
     return f": {test.description} ({test.rms:.2g} {unit} root mean square, p {bound})"
 
@@ -180,10 +176,11 @@ def unexplained(found: Attribution, unit: str) -> str:
 def cause(titles: Sequence[str], others: Sequence[str], rest: float) -> str:
     """What causes the gap, what else may, and the share that is left."""
     several = len(titles) > 1
-    start = f"Several effects cause the gap: {' and '.join(titles)}" if several else f"{titles[0]} causes the gap"
-    doubt = f"; these data cannot distinguish it from {' or '.join(others)}" if others else ""
-    caveat = f" {100 * rest:.0f} % of its squares are left that no known effect explains." if rest else ""
-    return f"{start[0].upper()}{start[1:]}{doubt}.{caveat}"
+    start = f"Several effects cause the gap: {' and '.join(titles)}." if several else f"{titles[0]} causes the gap."
+    named = "them" if several else "it"
+    doubt = f" These data cannot distinguish {named} from {' or '.join(others)}." if others else ""
+    caveat = f" No known effect explains {100 * rest:.0f} % of its mean square." if rest else ""
+    return f"{start[0].upper()}{start[1:]}{doubt}{caveat}"
 
 
 def _named_effects(models: Sequence[CandidateModel], equal: Sequence[CandidateModel]) -> tuple[NamedEffect, ...]:
@@ -199,15 +196,15 @@ def _named_effects(models: Sequence[CandidateModel], equal: Sequence[CandidateMo
 
 def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
     """One effect of a model with its size: of several components, their length."""
-    fitted = model.fitted
+    fitted, values = model.fitted, model.fitted.values
     space = fitted.hypothesis.space
     one = next(one for one in fitted.hypothesis.discrepancies if one.name == name)
-    index = [space.index(part) for part in one.effect.size]
-    values = fitted.values
     away = np.array([values[part] - one.effect.neutral[part] for part in one.effect.size])
-    sds = (fitted.sd() * fitted.derivative)[index]
-    size = float(away[0]) if len(away) == 1 else float(np.linalg.norm(away))
-    sd = float(sds[0]) if len(away) == 1 else float(np.linalg.norm(away * sds) / max(size, 1e-300))
+    sds = (fitted.sd() * fitted.derivative)[[space.index(part) for part in one.effect.size]]
+    size, sd = float(away[0]), float(sds[0])
+    if len(away) > 1:
+        size = float(np.linalg.norm(away))
+        sd = float(np.linalg.norm(away * sds) / max(size, 1e-300))
     return NamedEffect(
         name=name,
         title=one.effect.title or name,

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.fitting import Fitted, project
-from mofit.diagnosis.residual_tests import power_test
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.residual_tests import Remainder
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.results import cochran
@@ -112,10 +112,9 @@ class ResidualMap:
 
 def residual_map(fitted: Fitted) -> ResidualMap:
     """Locate the residual of a fitted hypothesis."""
-    observed, projection = fitted.hypothesis.observed, project(fitted)
-    rows, tests = len(observed.measured), observed.problem.tests
-    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
-    squares = (residual**2 - expected) * observed.variance
+    left = Remainder.of(fitted)
+    observed, tests = left.observed, left.observed.problem.tests
+    squares = (left.residual**2 - left.expected) * observed.variance
     used = [observed.used_samples(i) for i in range(len(observed.records))]
     peaks = [float(np.max(np.abs(values - values.mean()))) for values in used]
     explainable = max(float(squares[observed.explainable].clip(0).sum()), np.finfo(float).tiny)
@@ -135,10 +134,10 @@ def residual_map(fitted: Fitted) -> ResidualMap:
                     noise=float(np.sqrt(observed.variance[here].sum())),
                     of_peak=float(np.sqrt(power)) / peaks[i],
                     share=power / explainable if name != "other" else 0.0,
-                    p_value=power_test(name, residual, expected, observed, here).p_value,
+                    p_value=left.power_test(name, here).p_value,
                 )
             )
-    kept = np.where(observed.explainable, residual, 0.0)
+    kept = np.where(observed.explainable, left.residual, 0.0)
     gaps = [w.signal(kept[observed.record == i]) for i, (_, _, w) in enumerate(observed.records)]
     totals = [float(squares[observed.explainable & (observed.test == t)].sum()) for t in range(len(tests))]
     return ResidualMap(

@@ -98,34 +98,64 @@ class Residuals:
 
 def residual_tests(fitted: Fitted) -> Residuals:
     """Test the residual of a fitted hypothesis, class by class, harmonic by harmonic and line by line."""
-    projection, observed = project(fitted), fitted.hypothesis.observed
-    rows = len(observed.measured)
-    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
+    left = Remainder.of(fitted)
+    observed = left.observed
     classes = [one.name for one in SPECTRAL_CLASSES if observed.of(one.name).any()]
-    found = [
-        power_test(name, residual, expected, observed, observed.of(name))
-        for name in classes
-        if name not in ("subharmonic", "other")
-    ]
-    found += [power_test(f"order {odd}/2", residual, expected, observed, at) for odd, at in _half_orders(observed)]
-    found += _smooth_tests(projection, observed)
-    found += [
-        _highest_line(name, residual, observed, observed.of(name))
-        for name in ("rotating", "slow", "other")
-        if name in classes
-    ]
-    found += _common_frequency(residual, observed)
+    found = [left.power_test(name, observed.of(name)) for name in classes if name not in ("subharmonic", "other")]
+    found += [left.power_test(f"order {odd}/2", at) for odd, at in _half_orders(observed)]
+    found += _smooth_tests(left)
+    found += [_highest_line(left, name) for name in ("rotating", "slow", "other") if name in classes]
+    found += _common_frequency(left)
     found = sorted((one for one in found if np.isfinite(one.p_value)), key=lambda one: one.p_value)
     return Residuals(tuple(found), min(1.0, found[0].p_value * len(found)) if found else 1.0)
 
 
-def power_test(
-    name: str, residual: FloatArray, expected: FloatArray, observed: WhitenedData, where: NDArray[np.bool_]
-) -> ResidualTest:
-    """F test of the power of some rows, given the residual and its expected squares, (m,) each."""
-    total, count = float(np.sum(residual[where] ** 2)), float(expected[where].sum())
-    p = float(fisher.sf(total / count, count, _behind(observed, where * expected))) if count >= 0.5 else np.nan
-    return ResidualTest(name, total, count, p, _squares(residual, expected, observed, where))
+@dataclass(frozen=True)
+class Remainder:
+    """What the parameters of a fitted hypothesis leave of the residual.
+
+    Parameters
+    ----------
+    observed, projection
+        The tests, and the projector of the fit.
+    residual, expected
+        Residual beside the parameters, and what noise alone makes of its square; rows of the tests (m,).
+    """
+
+    observed: WhitenedData
+    projection: Projection
+    residual: FloatArray
+    expected: FloatArray
+
+    @classmethod
+    def of(cls, fitted: Fitted) -> Remainder:
+        """Of a fit."""
+        observed, projection = fitted.hypothesis.observed, project(fitted)
+        rows = len(observed.measured)
+        return cls(observed, projection, projection.residual[:rows], 1 - projection.leverage[:rows])
+
+    def power_test(self, name: str, where: NDArray[np.bool_]) -> ResidualTest:
+        """F test of the power of some rows (m,)."""
+        total, count = float(np.sum(self.residual[where] ** 2)), float(self.expected[where].sum())
+        p = self.p_value(total, count, where * self.expected) if count >= 0.5 else np.nan
+        return ResidualTest(name, total, count, p, self.squares(where, self.expected))
+
+    def p_value(self, total: float, count: float, weight: FloatArray) -> float:
+        """Of a sum of squares with so many degrees of freedom, of rows with these weights (m,).
+
+        Rows of one record share a noise estimate, records do not (Satterthwaite).
+        """
+        observed = self.observed
+        shares = np.bincount(observed.record, weight)
+        levels = np.bincount(observed.record, weight * observed.degrees_of_freedom) / np.where(shares > 0, shares, 1.0)
+        used = shares > 0
+        behind = float(shares.sum() ** 2 / np.sum(shares[used] ** 2 / levels[used]))
+        return float(fisher.sf(total / count, count, behind))
+
+    def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
+        """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²."""
+        power = where * (self.residual**2 - expected) * self.observed.variance
+        return np.asarray(np.bincount(self.observed.test, power, len(self.observed.problem.tests)), dtype=np.float64)
 
 
 def _half_orders(observed: WhitenedData) -> Iterator[tuple[int, NDArray[np.bool_]]]:
@@ -138,11 +168,12 @@ def _half_orders(observed: WhitenedData) -> Iterator[tuple[int, NDArray[np.bool_
             yield odd, where
 
 
-def _common_frequency(residual: FloatArray, observed: WhitenedData) -> Iterator[ResidualTest]:
+def _common_frequency(left: Remainder) -> Iterator[ResidualTest]:
     """Test of the frequency with the least probable power in all tests together: mains, a gear.
 
     The constant and the low harmonics do not count: there a wrong model leaves something in every test.
     """
+    observed, residual = left.observed, left.residual
     records = [w for _, _, w in observed.records]
     split = [observed.record == i for i in range(len(records))]
     rest = ~observed.of("dc", "odd", "even")
@@ -155,19 +186,11 @@ def _common_frequency(residual: FloatArray, observed: WhitenedData) -> Iterator[
     near = np.zeros(len(residual), dtype=bool)
     for own, lines, mine in zip(split, peak.near(records), kept, strict=True):
         near[own] = (lines & mine)[observed.line[own]]
-    squares = _squares(residual, np.ones(len(residual)), observed, near)
-    yield ResidualTest("highest frequency", peak.power, peak.degrees_of_freedom, peak.p_value, squares, peak.frequency)
+    statistic, freedom = peak.power, peak.degrees_of_freedom
+    yield ResidualTest("highest frequency", statistic, freedom, peak.p_value, left.squares(near), peak.frequency)
 
 
-def _squares(
-    residual: FloatArray, expected: FloatArray, observed: WhitenedData, where: NDArray[np.bool_]
-) -> FloatArray:
-    """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²."""
-    power = where * (residual**2 - expected) * observed.variance
-    return np.asarray(np.bincount(observed.test, power, len(observed.problem.tests)), dtype=np.float64)
-
-
-def _smooth_tests(projection: Projection, observed: WhitenedData) -> Iterator[ResidualTest]:
+def _smooth_tests(left: Remainder) -> Iterator[ResidualTest]:
     r"""Score tests for a gap that changes smoothly with the excitation frequency.
 
     On harmonic h, relative to the phase of the excitation, the gap of test t is taken as
@@ -175,6 +198,7 @@ def _smooth_tests(projection: Projection, observed: WhitenedData) -> Iterator[Re
     see what a sum over all lines would hide. Low harmonics are tested one by one; all together, with straight lines in
     log f, show a gap that is distributed over many.
     """
+    observed = left.observed
     places = [i for i, (_, _, w) in enumerate(observed.records) if w.periods]
     frequency = np.array([1 / observed.records[i][2].period for i in places])
     levels = len(np.unique(np.round(np.log(frequency), 3))) if places else 0
@@ -184,10 +208,9 @@ def _smooth_tests(projection: Projection, observed: WhitenedData) -> Iterator[Re
     degree = min(_SMOOTH_DEGREE, levels - 1)
     powers = np.stack([(z / np.abs(z).max()) ** j for j in range(degree + 1)], axis=1)
     for harmonic in range(_SMOOTH_HARMONICS + 1):
-        columns = _smooth_columns(observed, places, powers, harmonic)
-        yield _columns_test(f"harmonic {harmonic}", columns, projection, observed)
+        yield _columns_test(left, f"harmonic {harmonic}", _smooth_columns(observed, places, powers, harmonic))
     together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in range(HARMONICS + 1)]
-    yield _columns_test("harmonics together", np.concatenate(together, axis=1), projection, observed)
+    yield _columns_test(left, "harmonics together", np.concatenate(together, axis=1))
 
 
 def _smooth_columns(observed: WhitenedData, places: Sequence[int], powers: FloatArray, harmonic: int) -> FloatArray:
@@ -205,39 +228,26 @@ def _smooth_columns(observed: WhitenedData, places: Sequence[int], powers: Float
     return columns.reshape(len(columns), -1)
 
 
-def _columns_test(name: str, columns: FloatArray, projection: Projection, observed: WhitenedData) -> ResidualTest:
+def _columns_test(left: Remainder, name: str, columns: FloatArray) -> ResidualTest:
     """Score test of columns (m, k)."""
-    rest = projection.apply(columns[:, np.any(columns != 0, axis=0)])
+    rest = left.projection.apply(columns[:, np.any(columns != 0, axis=0)])
     vectors, values, _ = np.linalg.svd(rest, full_matrices=False)
     kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
-    count = kept.shape[1]
-    statistic = float(np.sum((kept.T @ projection.residual) ** 2))
+    statistic, count = float(np.sum((kept.T @ left.projection.residual) ** 2)), kept.shape[1]
     power = np.sum(columns**2, axis=1)
-    p = float(fisher.sf(statistic / count, count, _behind(observed, power)))
-    rows = len(observed.measured)
-    residual, expected = projection.residual[:rows], 1 - projection.leverage[:rows]
-    return ResidualTest(name, statistic, count, p, _squares(residual, expected, observed, power > 0))
+    p = left.p_value(statistic, count, power)
+    return ResidualTest(name, statistic, count, p, left.squares(power > 0, left.expected))
 
 
-def _highest_line(name: str, residual: FloatArray, observed: WhitenedData, where: NDArray[np.bool_]) -> ResidualTest:
+def _highest_line(left: Remainder, name: str) -> ResidualTest:
     """Test of the highest line of a class, corrected for the number of lines."""
+    observed, where = left.observed, left.observed.of(name)
     key = observed.record.astype(np.int64) * (int(observed.line.max()) + 1) + observed.line
     lines, index = np.unique(key[where], return_inverse=True)
-    power, parts = np.bincount(index, residual[where] ** 2), np.bincount(index)
+    power, parts = np.bincount(index, left.residual[where] ** 2), np.bincount(index)
     behind = np.bincount(index, observed.degrees_of_freedom[where]) / parts
     p = fisher.sf(power / parts, parts, behind)
     best = int(np.argmin(p))
     corrected = float(-np.expm1(len(lines) * np.log1p(-p[best])))
-    squares = _squares(residual, np.ones(len(residual)), observed, key == lines[best])
+    squares = left.squares(key == lines[best])
     return ResidualTest(f"highest {name} line", float(power[best]), float(parts[best]), corrected, squares)
-
-
-def _behind(observed: WhitenedData, weight: FloatArray) -> float:
-    """Degrees of freedom of the noise behind rows of these weights (m,).
-
-    Rows of one record share a noise estimate, records do not (Satterthwaite).
-    """
-    shares = np.bincount(observed.record, weight)
-    levels = np.bincount(observed.record, weight * observed.degrees_of_freedom) / np.where(shares > 0, shares, 1.0)
-    used = shares > 0
-    return float(shares.sum() ** 2 / np.sum(shares[used] ** 2 / levels[used]))

@@ -1,7 +1,5 @@
 """When a gap counts as explained: what is left must be significant, large enough, and more than models may leave."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -52,17 +50,20 @@ def test_of_a_smaller_gap_more_must_be_explained(gap, share, verdict):
 
 def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():
     line = ResidualTest("highest frequency", 90.0, 2.0, 1e-9, np.array([8.0, 10.0]), 37.5)
-    found = SimpleNamespace(best_residuals=Residuals((line,), 1e-9))
-    assert unexplained(found, "N") == ": a line of 37.5 Hz in all tests together (3 N root mean square, p = 1e-09)"
+    assert (
+        unexplained(Residuals((line,), 1e-9), "N")
+        == ": a line of 37.5 Hz in all tests together (3 N root mean square, p = 1e-09)"
+    )
 
 
 def test_sentences_say_what_is_left():
-    assert nearest(["payne"], 0.0) == "; the nearest, payne, leaves a pattern of little power"
-    assert nearest(["drift", "payne"], 0.3) == "; the nearest, drift with payne, leaves 30 % of it"
+    little = nearest(["payne"], 0.0)
+    assert little == ". The nearest, payne, leaves less than 0.5 % of its mean square, which is significant"
+    assert nearest(["drift", "payne"], 0.3) == ". The nearest, drift with payne, leaves 30 % of its mean square"
     assert (
         cause(["dry friction"], ["drift"], 0.0)
-        == "Dry friction causes the gap; these data cannot distinguish it from drift."
+        == "Dry friction causes the gap. These data cannot distinguish it from drift."
     )
     assert cause(["delay", "drift"], [], 0.05) == (
-        "Several effects cause the gap: delay and drift. 5 % of its squares are left that no known effect explains."
+        "Several effects cause the gap: delay and drift. No known effect explains 5 % of its mean square."
     )

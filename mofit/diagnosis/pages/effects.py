@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text, badge, words
 from mofit.report.toolkit.figures import BASELINE, Panels, mode_colour
-from mofit.report.toolkit.formatting import compact, number, p_value, percent, symbol, unit_text, with_sd
+from mofit.report.toolkit.formatting import compact, interval, number, p_value, percent, symbol, unit_text, with_sd
 
 #: Most models and candidates that are shown.
 _SHOWN = 12
@@ -39,40 +39,31 @@ def _title(data: Mapping[str, Any], name: str) -> str:
 
 def _named_table(data: Mapping[str, Any]) -> Table:
     effects = data["effects"]
-    sds = [(one["size_high"] - one["size_low"]) / _INTERVAL for one in effects]
+    lows, highs = ([one[key] for one in effects] for key in ("size_low", "size_high"))
+    sds = [(high - low) / _INTERVAL for low, high in zip(lows, highs, strict=True)]
     expected = {one["name"]: compact(float(np.linalg.norm(one["expected_size"])), 3) for one in data["candidates"]}
-    pair = Markup("{} = {}")
+    parameters = [
+        [Markup("{} = {}").format(symbol(k), compact(v, 4)) for k, v in one["parameters"].items()] for one in effects
+    ]
     return Table(
         [
             Column("Effect", [_title(data, one["name"]) for one in effects]),
             Column("Probability", [percent(one["probability"]) for one in effects]),
             Column("Size", [with_sd(one["size"], sd) for one, sd in zip(effects, sds, strict=True)]),
-            Column(
-                "90 % interval",
-                [
-                    f"{with_sd(one['size_low'], sd)} to {with_sd(one['size_high'], sd)}"
-                    for one, sd in zip(effects, sds, strict=True)
-                ],
-            ),
+            Column("90 % interval", list(map(interval, lows, highs, sds))),
             Column("Expected", [expected.get(one["name"], "–") for one in effects]),
             words("Unit", [unit_text(one["unit"]) for one in effects]),
-            words(
-                "Parameters",
-                [
-                    Markup(", ").join(pair.format(symbol(k), compact(v, 4)) for k, v in one["parameters"].items())
-                    for one in effects
-                ],
-            ),
+            words("Parameters", [Markup(", ").join(pairs) for pairs in parameters]),
             words("Present in", ["all tests" if one["present_in_calibration"] else "dynamic tests" for one in effects]),
         ],
-        "Named effects with their fitted size. Expected: the score test's estimate, before any refit. Present in: "
-        "whether the calibration tests seem to have had the effect too.",
+        "Named effects with their fitted size. Expected: the score test's estimate, before any refit. Present in all "
+        "tests: the effect seems to be present in the calibration tests too.",
     )
 
 
 def _models_table(data: Mapping[str, Any]) -> Table:
     models, equal = data["fitted_models"][:_SHOWN], len(data["candidate_models"])
-    caption = "Models that were fitted in full, by information criterion."
+    caption = "Refitted models, by information criterion."
     return Table(
         [
             Column("Effects", [" + ".join(_title(data, name) for name in one["effects"]) or "none" for one in models]),
@@ -99,8 +90,8 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
     axes.grid(axis="y", visible=False)
     return panels.figure(
         "Score statistic of the candidates",
-        "How much of the residual of the model without effects each effect would explain; blue: named. Effects that "
-        "resemble the right one score as well: the full fits decide.",
+        "How much each effect would explain of the residual of the model without effects. Blue: named. Effects that "
+        "resemble the right one score as well: the refits decide.",
         good="one bar is much longer than the others, and it is blue.",
         bad="several bars are equally long: see what to test next.",
     )
@@ -108,23 +99,18 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
 
 def _bias_table(data: Mapping[str, Any]) -> Table:
     own = data["model_parameters"]
+    biases = [(one["before"] - one["after"]) / one["after"] if one["after"] else np.nan for one in own.values()]
     return Table(
         [
             Column("Parameter", [symbol(name) for name in own]),
             Column("Without the effect", [compact(one["before"], 4) for one in own.values()]),
             Column("With", [compact(one["after"], 4) for one in own.values()]),
             words("Unit", [unit_text(one["unit"]) for one in own.values()]),
-            Column(
-                "Bias",
-                [
-                    percent((one["before"] - one["after"]) / one["after"]) if one["after"] else "–"
-                    for one in own.values()
-                ],
-            ),
+            Column("Bias", [percent(bias) for bias in biases]),
             words("", [_bias_badge(one) for one in own.values()]),
         ],
-        "A small residual is not a small effect: the model's own parameters absorb it where they can. Biased: moved by "
-        "more than three standard deviations.",
+        "A small residual is not a small effect: the model's own parameters absorb it where they can. Biased: the "
+        "effect moves the estimate by more than three standard deviations.",
     )
 
 
@@ -148,8 +134,8 @@ def ruled_out_section(data: Mapping[str, Any]) -> Section:
                 Column("Confounding", [percent(one["confounding"]) for one in others]),
                 words("Why not", [_reason(one, data) for one in others]),
             ],
-            "T: score statistic; p: corrected for the number of candidates. Confounding: share of the effect that the "
-            "model's own parameters absorb, so that it is hidden.",
+            "T: score statistic. p: corrected for the number of candidates. Confounding: share of the effect that the "
+            "model's own parameters absorb and hide.",
         )
         if others
         else Text("Every candidate is named.")

@@ -1,27 +1,30 @@
-"""The diagnosis page: its sections in order, the verdict first and the method last."""
+"""The diagnosis page: its sections in order, and of those the verdict, how far the gap shrinks, and the method."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from markupsafe import Markup
 
-from mofit.diagnosis.pages.data import page_data
 from mofit.diagnosis.pages.effects import effects_section, ruled_out_section
-from mofit.diagnosis.pages.shrinkage import shrinkage_section
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
-from mofit.diagnosis.result import Diagnosis
+from mofit.diagnosis.result import Diagnosis, page_data
 from mofit.report import Page
-from mofit.report.toolkit.blocks import Block, Section, Text, banner, cards, method_section
-from mofit.report.toolkit.formatting import THIN, display_unit, number, percent
+from mofit.report.toolkit.axes import axis_of_tests
+from mofit.report.toolkit.blocks import Block, Figure, Section, Text, banner, cards, method_section, tabs
+from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.formatting import THIN, Unit, display_unit, number, percent
 from mofit.report.toolkit.page import draw_sections, write_json, write_page
 
-PAGE_FILE = "diagnosis.html"
-DATA_FILE = "diagnosis.json"
 _GRADES = {"none": "good", "effect": "good", "group": "bad", "several": "good", "unknown": "bad"}
+#: Panels in a row, and most records that are drawn.
+_COLUMNS, _MOST = 4, 16
+_LAYOUT: Any = {"margin": (0.75, 0.5, 0.1), "gap": (0.5, 0.85)}
+_MODELS, _COLOURS = ("without effects", "with the best model"), (BASELINE, mode_colour(0))
 
 
 def diagnosis_page(diagnosis: Diagnosis) -> Page:
@@ -51,9 +54,9 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         ],
         data,
     )
-    write_json(folder / DATA_FILE, data)
+    write_json(folder / "diagnosis.json", data)
     source = f"{data['model_title']} · {data['campaign']} ({data['source']})"
-    return write_page(folder / PAGE_FILE, "Diagnosis of the gap", source, sections)
+    return write_page(folder / "diagnosis.html", "Diagnosis of the gap", source, sections)
 
 
 def verdict_section(data: Mapping[str, Any]) -> Section:
@@ -70,11 +73,83 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
         key_figures.append((percent(shrinkage["predicted"]), "predicted by the score test, before any refit"))
     blocks: list[Block] = [banner(data["sentence"], _GRADES[data["verdict"]]), cards(key_figures)]
     if not shrinkage:
-        blocks.append(Text(f"No share of the gap that goes is reported: {data['shrinkage_reason']}."))
+        blocks.append(Text(f"The shrinkage is not reported: {data['shrinkage_reason']}."))
     if data["next_experiment"]:
         blocks.append(Text(Markup("<b>What to test next.</b> {}").format(data["next_experiment"]["sentence"])))
     keys = ("verdict", "sentence", "effects", "group", "shrinkage", "shrinkage_reason", "next_experiment")
     return Section("summary", "Verdict", blocks, {key: data[key] for key in keys})
+
+
+def shrinkage_section(data: Mapping[str, Any]) -> Section:
+    """NRMSD per test; output over input, and residual over time."""
+    records = data["records"][:_MOST]
+    unit = display_unit(records[0]["output_unit"], np.concatenate([one["measured"] for one in records]))
+    periodic = [one for one in records if one["frequency"] is not None]
+    panes: dict[str, list[Block]] = {"Loops": [_loops(periodic, unit)]} if periodic else {}
+    panes["Residuals"] = [_residuals(records, display_unit(records[0]["output_unit"], 0.0))]
+    blocks: list[Block] = [_errors(data), *tabs(panes)]
+    keys = ("nrmsd_before", "nrmsd_after", "noise_floor", "shrinkage", "records")
+    return Section("shrinkage", "How far it shrinks", blocks, {key: data[key] for key in keys})
+
+
+def _errors(data: Mapping[str, Any]) -> Figure:
+    tests = list(data["nrmsd_before"])
+    legend = [band_key(colour, label, 1.0) for colour, label in zip(_COLOURS, _MODELS, strict=True)]
+    panels = Panels(1, 1, 1.9, legend=[*legend, line_key(FLOOR, "noise floor")], margin=(0.75, 0.75, 0.1))
+    axes = panels.axes[0]
+    x = axis_of_tests(axes, tests)
+    for offset, key, colour in zip((-0.2, 0.2), ("nrmsd_before", "nrmsd_after"), _COLOURS, strict=True):
+        axes.bar(x + offset, [100 * data[key][test] for test in tests], 0.38, color=colour)
+    floors = [100 * data["noise_floor"][test] for test in tests]
+    axes.hlines(floors, x - 0.42, x + 0.42, color=FLOOR, lw=1.6)
+    panels.label(y="NRMSD (%)")
+    return panels.figure(
+        "NRMSD per test before and after",
+        "Error per test without effects and with the best model. Both are fitted to all tests. An error near the noise "
+        "floor can still hide a gap: the gap repeats, the noise does not.",
+        good="blue equals the noise floor in every test.",
+        bad="blue is well above it somewhere.",
+    )
+
+
+def _loops(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
+    lines = [line_key(c, label, ls=ls) for c, label, ls in zip(_COLOURS, _MODELS, ("--", "-"), strict=True)]
+    legend = [dot_key(MEASURED, "measured", marker="."), *lines]
+    panels = Panels(len(records), _COLUMNS, 1.75, legend=legend, **_LAYOUT)
+    for axes, one in zip(panels.axes, records, strict=True):
+        x = display_unit(one["input_unit"], one["input"])
+        values = x.factor * np.asarray(one["input"])
+        measured, before, after = (unit.factor * np.asarray(one[key]) for key in ("measured", "before", "after"))
+        axes.plot(values, measured, color=MEASURED, ls="none", marker=".", ms=3.2)
+        axes.plot(values, before, color=BASELINE, ls="--", lw=1.2)
+        axes.plot(values, after, color=mode_colour(0), lw=1.4)
+        axes.set_title(one["test"])
+        axes.set_xlabel(x.label(one["input_name"]), labelpad=1)
+    panels.label(y=unit.label(records[0]["output_name"]))
+    return panels.figure(
+        "Loops of output over input, measured and simulated, before and after",
+        "Output over input in the last period of each test.",
+        good="the blue line runs through the middle of the measured points.",
+        bad="the blue line is no better than the dashed one.",
+    )
+
+
+def _residuals(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
+    legend = [line_key(colour, label) for colour, label in zip(_COLOURS, _MODELS, strict=True)]
+    panels = Panels(len(records), _COLUMNS, 1.5, legend=legend, **_LAYOUT)
+    for axes, one in zip(panels.axes, records, strict=True):
+        for key, colour in zip(("before", "after"), _COLOURS, strict=True):
+            residual = np.asarray(one["measured"]) - np.asarray(one[key])
+            axes.plot(np.asarray(one["time"]), unit.factor * residual, color=colour, lw=1.0)
+        axes.set_title(one["test"])
+        axes.set_xlabel("time (s)", labelpad=1)
+    panels.label(y=unit.label("residual"))
+    return panels.figure(
+        "Measured minus simulated over time, before and after",
+        "Measured minus simulated in the last period of each test (or at its end), noise included.",
+        good="the blue line is noise.",
+        bad="the blue line follows the input.",
+    )
 
 
 def closing_section(data: Mapping[str, Any]) -> Section:
@@ -82,15 +157,15 @@ def closing_section(data: Mapping[str, Any]) -> Section:
     floors = ", ".join(f"{test} {percent(floor, 2)}" for test, floor in data["noise_floor"].items())
     return method_section(
         {
-            "Whitening": "The spectral lines of every test are scaled to unit variance of its noise. The noise is what "
+            "Whitening": "The spectral lines of every test are scaled to unit variance of its noise. Noise is what "
             "differs from period to period.",
             "Baseline": "The model without effects is fitted, with the calibration stages as priors.",
-            "Score tests": "Every effect is tested at the baseline: how much of the residual its first-order change of "
-            "the output explains beside the model's parameters.",
+            "Score tests": "Every effect is tested at the baseline. The score statistic says how much of the residual "
+            "its first-order change of the output explains beside the model's parameters.",
             "Refits": "The promising effects are fitted in full, alone and together. An extended Bayesian information "
-            "criterion compares the models: it charges for every parameter and for the selection.",
-            "Residual tests": "The residual of the best model is tested class by class and line by line. If it is more "
-            "than noise, the verdict is that none of the known effects explains the gap.",
+            "criterion compares the models. It charges for every parameter and for the selection.",
+            "Residual tests": "The residual of the best model is tested class by class and line by line. If much more "
+            "than noise is left, none of the known effects explains the gap.",
             "Held-out tests": "Each test is predicted by fits to the others, without and with the effect.",
             "Noise floor (NRMSD)": f"{floors}.",
             "Processor time": f"{data['seconds']:.1f} s.",

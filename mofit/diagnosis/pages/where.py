@@ -28,9 +28,7 @@ def where_section(data: Mapping[str, Any]) -> Section:
     before, after = data["residual_maps"]["before"], data["residual_maps"]["after"]
     unit = data["where"]["unit"]
     blocks: list[Block] = [
-        Text(
-            "The gap is the part of measured minus simulated beyond the noise. The noise differs from period to period."
-        ),
+        Text("The gap is what measured minus simulated holds beyond the noise. Noise is what differs between periods."),
         _tests_table(data["where"], data["residual"]),
         _classes_figure(before, after, unit),
         _input_figure(before["input"], data["records"][0], unit),
@@ -55,8 +53,8 @@ def _tests_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:
         columns.append(Column("p", ["–" if test is None else p_value(test["p_value"]) for test in found]))
     return Table(
         columns,
-        "Tests of the residual that need no candidate effect: root mean square over all tests beyond the noise, and "
-        "p-value corrected for the number of residual tests. A dash: not significant.",
+        "Residual tests need no candidate effect. Root mean square over all tests beyond the noise; p-value corrected "
+        "for the number of residual tests. A dash: not significant.",
     )
 
 
@@ -77,7 +75,7 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
         "Root mean square of the gap per test and class of spectral lines: constant; odd, even and half multiples of "
         "the excitation frequency; wheel and drum order; the rest. Bold: significant at 1 % over the whole map.",
         good="no cell on the right is bold.",
-        bad="a column or a run of cells is bold on the right as well: no named effect explains what is left there.",
+        bad="cells on the right are bold as well: no named effect explains what is left there.",
     )
 
 
@@ -147,10 +145,9 @@ def _time_figure(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[st
     panels.label(x, shown.label("residual"))
     return panels.figure(
         "Residual over time",
-        "Root mean square of the residual within each test, on lines that a model can explain; the noise on these "
-        "lines is included.",
-        good="level.",
-        bad="rising or falling within the tests, or from test to test in the order in which they were run.",
+        "Root mean square of the residual within each test, on lines that a model can explain, noise included.",
+        good="the lines are level.",
+        bad="they rise or fall within the tests, or from test to test in the order of the runs.",
     )
 
 
@@ -167,7 +164,7 @@ def homogeneity_section(data: Mapping[str, Any]) -> Section | None:
         axes.set_title(parameter_label(one["parameter"], one["unit"]))
     figure = panels.figure(
         "Estimates from each test alone",
-        "A parameter per panel: its estimate from each test alone, with standard deviation.",
+        "Estimate of each parameter from each test alone, with standard deviation.",
         good="the bars overlap.",
         bad="the estimates drift from test to test: the parameter compensates for something that the model lacks.",
     )
@@ -183,8 +180,8 @@ def homogeneity_section(data: Mapping[str, Any]) -> Section | None:
         "Cochran's test of homogeneity. I²: share of the scatter beyond the estimates' own uncertainty.",
     )
     text = Text(
-        "Each test alone, near the joint minimum of the model without effects. If the model is right, the estimates "
-        "differ by no more than their standard deviations explain."
+        "The model without effects is fitted to each test alone, near the joint minimum. If the model is right, the "
+        "estimates agree within their standard deviations."
     )
     data = {"test_estimates": data["test_estimates"]}
     return Section("homogeneity", "Do single tests agree?", [text, figure, table], data)
