@@ -18,21 +18,11 @@ Advance = Callable[[RightSide, ca.SX, Sequence[ca.SX], ca.SX, ca.SX], ca.SX]
 
 @dataclass(frozen=True)
 class Scheme:
-    """A one-step method.
+    """A one-step method: ``advance`` reads the inputs at ``nodes`` of the step (0 to 1; the first is 0).
 
-    Parameters
-    ----------
-    name
-        Of the method.
-    nodes
-        Where in the step (0 to 1) it reads the inputs; the first is 0.
-    advance
-        The step itself.
-    explicit
-        Whether it needs no Jacobian. Its sensitivities are then the same step of the variational equations. It is not
-        for transients that decay at once, so that the first sampling interval is not refined for it.
-    cost
-        Of one step, relative to RK4.
+    An ``explicit`` method needs no Jacobian: its sensitivities are the same step of the variational equations. It is
+    not for transients that decay at once: the first sampling interval is not refined for it. ``cost`` is that of a
+    step, relative to RK4.
     """
 
     name: str
@@ -161,23 +151,22 @@ def build_graph(system: System, scheme: Scheme, free: Sequence[str], derivatives
     def rhs(x: ca.SX, u: ca.SX) -> ca.SX:
         return system.rhs(x, u, p, c)
 
-    if not derivatives:
-        state, results = x, [start, scheme.advance(rhs, x, inputs, input_rate, h) if nx else x, y]
+    state = ca.horzcat(x, ca.SX.sym("sx", nx, nf)) if derivatives else x
+    if not nx:
+        end = state
+    elif derivatives and scheme.explicit:
+        end = scheme.advance(_variational(rhs, x, inputs[0], pf), state, inputs, input_rate, h)
     else:
-        state = ca.horzcat(x, ca.SX.sym("sx", nx, nf))
-        if not nx:
-            end = state
-        elif scheme.explicit:
-            end = scheme.advance(_variational(rhs, x, inputs[0], pf), state, inputs, input_rate, h)
-        else:
-            end = scheme.advance(rhs, x, inputs, input_rate, h)
+        end = scheme.advance(rhs, x, inputs, input_rate, h)
+        if derivatives:
             seeds = ca.vertcat(state[:, 1:], ca.SX.eye(nf))
             end = ca.horzcat(end, ca.jtimes(end, ca.vertcat(x, pf), seeds))
-        results = [ca.horzcat(start, ca.jacobian(start, pf)), end, _with_sensitivities(y, x, pf, state)]
+    if derivatives:
+        start, y = ca.horzcat(start, ca.jacobian(start, pf)), _with_sensitivities(y, x, pf, state)
     return ca.Function(
         "graph",
         [pf, ca.vec(state), ca.vec(u), input_rate, first, px, c, h],
-        [ca.densify(ca.vec(result)) for result in results],
+        [ca.densify(ca.vec(result)) for result in (start, end, y)],
         list(GRAPH_INPUTS),
         ["initial", "next", "output"],
     )

@@ -30,19 +30,10 @@ class Table:
 
 
 class Kernel:
-    """Outputs or weighted sums, with or without derivatives, by one scheme.
+    """Outputs or, with ``reduce``, weighted sums (cost, Gauss-Newton), by one scheme.
 
-    Parameters
-    ----------
-    system, free, scheme
-        What is integrated, differentiated by which parameters, and how.
-    derivatives
-        Whether sensitivities are propagated.
-    reduce
-        Whether samples are summed up (cost, Gauss-Newton) or stored.
-    fixed_per_lane
-        Whether the parameters that are not free differ between lanes, too. The numbers are the same, but fewer of them
-        come from tables.
+    With ``derivatives`` sensitivities by the ``free`` parameters are propagated. With ``fixed_per_lane`` the other
+    parameters differ between lanes, too: the numbers are the same, but fewer of them come from tables.
     """
 
     def __init__(

@@ -71,16 +71,9 @@ def _threads(process: int, jobs: int) -> ThreadPoolExecutor:
 
 
 class Scheduler:
-    """Runs parameter sets through tests at given step levels.
+    """Runs parameter sets through tests at given step levels; system, free and jobs as for `Simulator`.
 
-    Parameters
-    ----------
-    system, free
-        As for `Simulator`.
-    jobs
-        Number of threads.
-    one_loop
-        Whether to compile one loop for all cases rather than the fastest for each.
+    With ``one_loop`` one loop is compiled for all cases rather than the fastest for each.
     """
 
     def __init__(self, system: System, free: Sequence[str], jobs: int, one_loop: bool = False) -> None:

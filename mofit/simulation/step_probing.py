@@ -79,14 +79,8 @@ class Stiffness:
     r"""Fastest rate of the equations at a parameter set, 1/s.
 
     The largest over the probes of :math:`\|J^{16}\|_\infty^{1/16}`, :math:`J = \partial f / \partial x`. It lies little
-    above the spectral radius, whatever the units of the states.
-
-    Parameters
-    ----------
-    system
-        The model.
-    x, u, c
-        The probes: states, inputs and conditions, one per column.
+    above the spectral radius, whatever the units of the states. The probes are columns of states x, inputs u and
+    conditions c.
     """
 
     def __init__(self, system: System, x: FloatArray, u: FloatArray, c: FloatArray) -> None:
@@ -115,17 +109,9 @@ def _norm_of_power(system: System) -> Program:
 
 
 class StepProbe:
-    """Integrates the tests with more and more steps.
+    """Integrates the tests with more and more steps; parameters as for `Simulator`.
 
-    Parameters
-    ----------
-    system, experiments, free, jobs
-        As for `Simulator`.
-
-    Attributes
-    ----------
-    origins
-        The tests, or what they were made from (`ExperimentData.origin`).
+    ``origins`` are the tests, or what they were made from (`ExperimentData.origin`).
     """
 
     settings = StepSettings()

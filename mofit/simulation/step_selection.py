@@ -21,15 +21,7 @@ Box = tuple[ArrayLike, ArrayLike]
 
 @dataclass(frozen=True)
 class StepRule:
-    """For one test: the step levels and the stiffness up to which each is taken.
-
-    Parameters
-    ----------
-    levels
-        Ways to integrate.
-    limits
-        Ascending, 1/s, one less than levels: ``levels[i]`` up to ``limits[i]``, the last one beyond.
-    """
+    """For one test: ``levels[i]`` is taken up to the stiffness ``limits[i]``, 1/s, ascending; the last one beyond."""
 
     levels: tuple[StepLevel, ...]
     limits: tuple[float, ...] = ()

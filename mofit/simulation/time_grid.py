@@ -61,14 +61,10 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class TimeGrid:
-    """Steps in order of time.
+    """Steps in order of time, each from ``start`` to ``end``, s.
 
-    Parameters
-    ----------
-    start, end
-        Of every step, s. Where inputs switch, one step ends just before and the next starts just after.
-    counts
-        Number of steps of every sampling interval; the last sample has one too, which leads nowhere.
+    Where inputs switch, one step ends just before and the next starts just after. ``counts`` are the steps of every
+    sampling interval; the last sample has one too, which leads nowhere.
     """
 
     start: FloatArray

@@ -31,16 +31,10 @@ Body = Callable[[ir.Value, list[ir.Value]], list[ir.Value]]
 
 
 class Emitter:
-    """Writes a module with one function ``run``, which returns nothing.
+    """Writes a module with one function ``run`` of ``arguments`` (their types), which returns nothing.
 
-    Parameters
-    ----------
-    arguments
-        Types of its arguments.
-    lanes
-        Number of parameter sets in a vector.
-    fma
-        Whether the host rounds a multiply-add once; if not, it is a product and a sum.
+    A vector holds ``lanes`` parameter sets. With ``fma`` the host rounds a multiply-add once; else it is a product and
+    a sum.
     """
 
     def __init__(self, arguments: Sequence[ir.Type], lanes: int, fma: bool) -> None:

@@ -19,21 +19,9 @@ _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_i
 
 
 def evaluate(program: Program, points: Sequence[FloatArray], lanes: int = 8) -> FloatArray:
-    """Outputs of a program at n points.
+    """All outputs of a program under one another, shape (elements, n), at n points: per input an array (elements, n).
 
-    Parameters
-    ----------
-    program
-        Any number of inputs and outputs.
-    points
-        Per input an array (elements, n).
-    lanes
-        Points worked on together.
-
-    Returns
-    -------
-    FloatArray
-        All outputs under one another, shape (elements, n).
+    So many ``lanes`` are worked on together.
     """
     stacked = np.concatenate([np.asarray(block, dtype=float) for block in points])
     count = stacked.shape[1]

@@ -34,10 +34,7 @@ _lock = threading.RLock()
 
 @dataclass(frozen=True)
 class Host:
-    """What LLVM needs to know about this machine.
-
-    ``width`` is the number of doubles in a register, ``name`` identifies processor and features.
-    """
+    """The local machine for LLVM: ``width`` doubles in a register; ``name`` identifies processor and features."""
 
     machine: llvm.TargetMachine
     jit: llvm.LLJIT
@@ -48,7 +45,7 @@ class Host:
 
 @cache
 def host() -> Host:
-    """The local machine, with its widest vector registers in use."""
+    """The local machine, its widest vector registers in use."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     triple, cpu, features = llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features()
@@ -90,11 +87,11 @@ def compile_entry(what: object, text: Callable[[], str], libm: Iterable[str], si
     Parameters
     ----------
     what
-        All that decides the text, apart from this package itself and the processor; known by its ``repr``.
+        All that decides the text, apart from this package and the processor; known by its ``repr``.
     text
-        Writes the module, if it is needed.
+        Writes the module, if needed.
     libm
-        Functions of the C mathematics library that it may call, declared as ``libm_<name>``.
+        Functions of the C mathematics library that it may call, as ``libm_<name>``.
     signature
         The ctypes type of ``run``.
     """

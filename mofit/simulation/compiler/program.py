@@ -69,14 +69,7 @@ class Program:
 class Split:
     """A program cut into what a table holds for all lanes and what every lane computes.
 
-    Parameters
-    ----------
-    program
-        All of it.
-    inputs
-        Level of every input.
-    outputs
-        Which outputs are wanted.
+    ``inputs`` are the levels of the program's inputs, ``outputs`` the numbers of those outputs that are wanted.
     """
 
     program: Program

@@ -13,7 +13,7 @@ from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
 from mofit.quantities import CONDITIONS
 from mofit.simulation.experiment import TIME_CONDITIONS
-from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan
+from mofit.simulation.virtual_rig.plan import EffectPlan, NoisePlan, Plan, TestPlan
 from mofit.simulation.virtual_rig.signals import excitation
 from mofit.units import Quantity, parse_quantity
 
@@ -80,14 +80,13 @@ def set_up(plan: Plan, where: str) -> Setup:
     effects = [check.attempt(find_effect, entry.name) for entry in plan.effects]
     raise_errors(check.issues)  # the rest is about the model and its effects
     assert model is not None
-    known = [effect for effect in effects if effect is not None]
-    build_system(with_effects(model, *known))
+    joining = [(effect, entry) for effect, entry in zip(effects, plan.effects, strict=True) if effect is not None]
+    build_system(with_effects(model, *(effect for effect, _ in joining)))
     conditions, units = check.conditions("", plan.conditions, model)
     values = check.values("parameters", model, plan.parameters)
-    for effect, entry in zip(known, plan.effects, strict=True):
+    for effect, entry in joining:
         values |= check.values(f"effect '{effect.name}'", effect, entry.parameters)
-    limited = [(effect, entry.kinds) for effect, entry in zip(known, plan.effects, strict=True)]
-    tests = tuple(check.test(test, _responding(model, limited, test.kind), conditions) for test in plan.tests)
+    tests = tuple(check.test(test, _responding(model, joining, test.kind), conditions) for test in plan.tests)
     noise, pause = check.noise(plan.noise, tests), check.number("pause", plan.pause, "s")
     raise_errors(check.issues)
     return Setup(values, conditions, units, noise, pause, tests)
@@ -97,11 +96,11 @@ def _excited(model: Model) -> Channel:
     return next(channel for channel in model.inputs if channel.derivative_of is None)
 
 
-def _responding(model: Model, effects: Sequence[tuple[Effect, tuple[str, ...]]], kind: str) -> Model:
+def _responding(model: Model, effects: Sequence[tuple[Effect, EffectPlan]], kind: str) -> Model:
     """The model that responds to a test of this kind, with the effects that join it and can act on it."""
     stages = [stage for stage in model.stages if kind in stage.excitations and not stage.settled]
     base = find_model(stages[0].model) if stages else model
-    joining = [effect for effect, kinds in effects if not kinds or kind in kinds]
+    joining = (effect for effect, entry in effects if not entry.kinds or kind in entry.kinds)
     return with_effects(base, *(effect for effect in joining if incompatibility(effect, base) is None))
 
 
@@ -179,12 +178,10 @@ class _Check:
         units = {channel.name: channel.unit for channel in channels if not channel.derivative_of}
         found = {}
         for name, entry in given.items():
-            if name in units:
-                sd, coloured = (
-                    self.number(f"noise.{name}, {key}", getattr(entry, key), units[name])
-                    for key in ("sd", "coloured_sd")
-                )
-                found[name] = {**entry.model_dump(), "sd": sd, "coloured_sd": coloured}
-            else:
+            if name not in units:
                 self.add("noise", f"no channel '{name}'", did_you_mean(name, units))
+                continue
+            found[name] = entry.model_dump()
+            for key in ("sd", "coloured_sd"):
+                found[name][key] = self.number(f"noise.{name}, {key}", found[name][key], units[name])
         return found
