@@ -1,8 +1,8 @@
-"""The blind test of the diagnosis, on campaigns whose effect is withheld: generate, diagnose, score.
+"""The blind test of the diagnosis, on campaigns with blinded labels: generate, diagnose, score.
 
 Generator, rig and scorer are programs of their own in ``scripts/withheld``, which share no code with mofit. The
-diagnosis sees campaign files only. The labels are blinded; three of those programs open them: the scorer, the rig that
-runs an advised test on the same specimen, and the one that names the candidate to remove.
+diagnosis sees campaign files only. Three of those programs open the labels: the scorer, the rig that runs a proposed
+test on the same specimen, and the one that names the candidate to remove.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from studies.report_page import versions
 
 MODEL = "maxwell_tyre"
 SCRIPTS = Path(__file__).parents[1] / "withheld"
-#: Campaigns without effect, with two effects, and with a near-library variant, per campaign of one effect.
-NONE, PAIRS, KIN = 20, 3, 0.5
+#: Campaigns without effect, with two effects, and with a variant of an effect, per campaign of one effect.
+NONE, PAIRS, VARIANTS = 20, 3, 0.5
 #: Most tests that are added to a campaign, one after the other, as the diagnosis advises.
 ROUNDS = 3
 #: Campaigns that a process diagnoses, about, before another takes its place.
@@ -51,8 +51,8 @@ def run(
     Parameters
     ----------
     runs
-        Campaigns of each in-library effect and each out-of-library discrepancy; 20 times as many without effect,
-        3 times as many of two effects, half as many of each near-library variant.
+        Campaigns of each effect of the library and of each unmodelled cause; 20 times as many without effect, 3 times
+        as many of two effects, half as many of each variant.
     seed
         Of the generator.
     jobs
@@ -67,7 +67,13 @@ def run(
     settings
         What they were made with; ``report`` is the folder of the scorer's page.
     """
-    counts = {"none": NONE * runs, "per-effect": runs, "unknown": runs, "pairs": PAIRS * runs, "kin": round(KIN * runs)}
+    counts = {
+        "none": NONE * runs,
+        "per-effect": runs,
+        "unmodelled": runs,
+        "pairs": PAIRS * runs,
+        "variants": round(VARIANTS * runs),
+    }
     return checked(counts, runs, seed, jobs, folder)
 
 
@@ -76,10 +82,10 @@ def run_paper(
 ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """The same on the paper's nine sines alone; ``runs`` campaigns of each effect and no others.
 
-    These tests leave many explanations indistinguishable, so that a next experiment is often advised: the question is
-    whether it discriminates.
+    These tests leave many candidate models indistinguishable. So a next experiment is often proposed. The
+    question is whether it discriminates.
     """
-    counts = {"none": 0, "per-effect": runs, "unknown": 0, "pairs": 0, "kin": 0}
+    counts = {"none": 0, "per-effect": runs, "unmodelled": 0, "pairs": 0, "variants": 0}
     return checked(counts, runs, seed, jobs, folder, paper=True)
 
 
@@ -120,7 +126,7 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
         _diagnosed(place / "campaigns", without, jobs, removed)
         removal = ("--without", without)
     _program(
-        "score.py", place / "labels.sealed", first, "--next", *diagnosed[1:], *removal,
+        "score.py", place / "labels.blinded", first, "--next", *diagnosed[1:], *removal,
         "--out", results / "report", "--made-by", f"`make bench NAME={name}`: {made_by}",
     )  # fmt: skip
     return results / "report"

@@ -1,11 +1,11 @@
-"""One more test of a campaign's specimen, as a diagnosis advised it.
+"""One more test of a campaign's specimen, as a diagnosis proposed it.
 
     python scripts/withheld/append.py DIR RESULTS --out NEXT [--campaigns CAMPAIGNS]
 
-For every result RESULTS/<name>.json that explains the gap and advises a test to tell its explanations apart,
-NEXT/<name>.nc is the campaign with that test run and added. CAMPAIGNS is the folder of the campaigns diagnosed:
-DIR/campaigns, or the NEXT of an earlier round. What is hidden stays hidden: labels are opened to run the test, and
-nothing of them shows.
+A result RESULTS/<name>.json may explain the gap and propose a test that discriminates between its candidate models.
+Then NEXT/<name>.nc is the campaign with that test run and added. CAMPAIGNS is the folder of the campaigns diagnosed:
+DIR/campaigns, or the NEXT of an earlier round. The labels stay blinded: they are opened to run the test, and nothing of
+them shows.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import netCDF4
+from blinded_labels import read_labels
 from campaign_writer import extend_file
 from hidden import case_of, slot_of
 from respond import respond
 from rig_tests import RAMP, RATE, SPEED, RigTest, phases
-from sealed import unseal
 from specimen import add_noise
 from tally import Pairing, advises
 
@@ -32,7 +32,7 @@ PAUSE = 30.0
 
 
 def main() -> None:
-    """Run what was advised."""
+    """Run what was proposed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder of generate.py")
     parser.add_argument("results", type=Path, help="folder with one JSON per campaign")
@@ -41,7 +41,7 @@ def main() -> None:
     options = parser.parse_args()
     campaigns = options.campaigns or options.folder / "campaigns"
     options.out.mkdir(parents=True, exist_ok=True)
-    labels = unseal(options.folder / "labels.sealed")
+    labels = read_labels(options.folder / "labels.blinded")
     for path in sorted(options.results.glob("*.json")):
         result, target = json.loads(path.read_text()), options.out / f"{path.stem}.nc"
         if path.stem in labels and not target.exists() and advises(Pairing(path.stem, labels[path.stem], result)):

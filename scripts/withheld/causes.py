@@ -1,4 +1,4 @@
-"""What may be hidden in a campaign: the effects that a diagnosis knows, some close to them, and strangers to it.
+"""What a campaign may hide: effects of the library, variants of them, and unmodelled ones outside the library.
 
 Each cause turns knobs of the physics. Its size is the hypotenuse of its size knobs, in SI units, signed where there is
 one. ``places`` says in which kinds of tests it acts; where several are given a campaign draws one. An effect that
@@ -67,45 +67,45 @@ def draw_cause(cause: Cause, rng: np.random.Generator) -> Drawn:
     return Drawn(cause, direction, shape, cause.places[rng.integers(len(cause.places))])
 
 
-def _known(name: str, knob: str, typical: float, unit: str, *places: tuple[str, ...], about: str, **rest) -> Cause:
+def _effect(name: str, knob: str, typical: float, unit: str, *places: tuple[str, ...], about: str, **rest) -> Cause:
     return Cause(name, {knob: typical}, unit, places, about, **rest)
 
 
 LIBRARY = (
-    _known("contact_patch_lag", "sigma_c", 0.05, "m", ROLLING, about="slip angle lags over a travelled length"),
-    _known("delay", "tau_d", 4e-3, "s", ROLLING, about="force channel is late"),
-    _known("sensor_lowpass", "T_f", 5e-3, "s", ROLLING, about="force channel behind a first-order low-pass"),
-    _known("inertia", "m_b", 5.0, "kg", ROLLING, about="mass between tyre and transducer, -m y''"),
-    _known("second_branch", "c_2", 1.2e4, "N/m", ROLLING, about="second relaxing force",
-           shape={"tau_2": (0.015, 0.12)}),
-    _known("springpot", "c_f", 4e3, "N s^a/m", ROLLING, about="fractional force c D^a y", shape={"a_f": (0.18, 0.4)}),
-    _known("dry_friction", "F_d", 30.0, "N", ROLLING, about="Dahl friction of the carcass",
-           shape={"delta_d": (1e-3, 4e-3)}),
-    _known("quadratic_damping", "d_2", 300.0, "N s^2/m^2", ROLLING, about="d y'|y'|"),
-    _known("cubic_stiffness", "k_c", 2.2e7, "N/m^3", ROLLING, ALL, about="k y^3", both_signs=True),
-    _known("payne", "c_P", 1e4, "N/m", ROLLING, ALL, about="c y / (1 + |y| / y_P)", shape={"y_P": (1.5e-3, 6e-3)}),
-    _known("asymmetric_stiffness", "k_a", 1.2e3, "N/m", ROLLING, ALL, about="k |y|", both_signs=True),
-    _known("slip_offset", "alpha_0", 1.4e-3, "rad", SINES, ROLLING, about="toe, ply steer", both_signs=True),
-    _known("force_offset", "F_off", 25.0, "N", SINES, ROLLING, about="zero error", both_signs=True),
-    _known("force_gain", "g_F", 0.02, "1", SINES, about="gain error, not there when calibrated", both_signs=True),
-    _known("cornering_stiffness", "e_alpha", 0.05, "1", SINES, about="another initial slope than in the step tests",
-           both_signs=True, most=1.5),
-    _known("friction_level", "e_mu", 0.08, "1", SINES, about="another maximum than in the step tests",
-           both_signs=True, most=1.2),
-    _known("carcass_stiffness", "e_y", 0.06, "1", ROLLING, about="another stiffness than in the quasi-static test",
-           both_signs=True),
-    _known("speed", "e_v", 0.03, "1", ROLLING, about="true speed differs from the stated one", both_signs=True),
-    _known("steering_compliance", "kappa_s", 1.4e-6, "rad/N", SINES, ROLLING, about="angle minus kappa F"),
-    _known("load_coupling", "kappa_z", 5e-6, "1/N", SINES, ROLLING, about="load times 1 + kappa F", both_signs=True),
+    _effect("contact_patch_lag", "sigma_c", 0.05, "m", ROLLING, about="slip angle lags over a travelled length"),
+    _effect("delay", "tau_d", 4e-3, "s", ROLLING, about="force channel is late"),
+    _effect("sensor_lowpass", "T_f", 5e-3, "s", ROLLING, about="force channel behind a first-order low-pass"),
+    _effect("inertia", "m_b", 5.0, "kg", ROLLING, about="mass between tyre and transducer, -m y''"),
+    _effect("second_branch", "c_2", 1.2e4, "N/m", ROLLING, about="second relaxing force",
+            shape={"tau_2": (0.015, 0.12)}),
+    _effect("springpot", "c_f", 4e3, "N s^a/m", ROLLING, about="fractional force c D^a y", shape={"a_f": (0.18, 0.4)}),
+    _effect("dry_friction", "F_d", 30.0, "N", ROLLING, about="Dahl friction of the carcass",
+            shape={"delta_d": (1e-3, 4e-3)}),
+    _effect("quadratic_damping", "d_2", 300.0, "N s^2/m^2", ROLLING, about="d y'|y'|"),
+    _effect("cubic_stiffness", "k_c", 2.2e7, "N/m^3", ROLLING, ALL, about="k y^3", both_signs=True),
+    _effect("payne", "c_P", 1e4, "N/m", ROLLING, ALL, about="c y / (1 + |y| / y_P)", shape={"y_P": (1.5e-3, 6e-3)}),
+    _effect("asymmetric_stiffness", "k_a", 1.2e3, "N/m", ROLLING, ALL, about="k |y|", both_signs=True),
+    _effect("slip_offset", "alpha_0", 1.4e-3, "rad", SINES, ROLLING, about="toe, ply steer", both_signs=True),
+    _effect("force_offset", "F_off", 25.0, "N", SINES, ROLLING, about="zero error", both_signs=True),
+    _effect("force_gain", "g_F", 0.02, "1", SINES, about="gain error, not there when calibrated", both_signs=True),
+    _effect("cornering_stiffness", "e_alpha", 0.05, "1", SINES, about="another initial slope than in the step tests",
+            both_signs=True, most=1.5),
+    _effect("friction_level", "e_mu", 0.08, "1", SINES, about="another maximum than in the step tests",
+            both_signs=True, most=1.2),
+    _effect("carcass_stiffness", "e_y", 0.06, "1", ROLLING, about="another stiffness than in the quasi-static test",
+            both_signs=True),
+    _effect("speed", "e_v", 0.03, "1", ROLLING, about="true speed differs from the stated one", both_signs=True),
+    _effect("steering_compliance", "kappa_s", 1.4e-6, "rad/N", SINES, ROLLING, about="angle minus kappa F"),
+    _effect("load_coupling", "kappa_z", 5e-6, "1/N", SINES, ROLLING, about="load times 1 + kappa F", both_signs=True),
     Cause("wheel_order", {"A_wc": 14.0, "A_ws": 14.0}, "N", (ROLLING,), "force variation, once per turn of the wheel"),
     Cause("drum_runout", {"m_dc": 5.7e-3, "m_ds": 5.7e-3}, "1", (ROLLING,), "load modulated once per turn of the drum"),
-    _known("drift", "k_t", -4.5e-5, "1/s", SINES, about="gain changes over the day of the sines", both_signs=True),
-    _known("warm_up", "w_t", 0.02, "1", ROLLING, about="gain fades within a run", shape={"tau_t": (1.5, 6.0)},
-           both_signs=True),
-    _known("backlash", "b_0", 5e-4, "rad", SINES, ROLLING, about="play between angle transducer and wheel"),
+    _effect("drift", "k_t", -4.5e-5, "1/s", SINES, about="gain changes over the day of the sines", both_signs=True),
+    _effect("warm_up", "w_t", 0.02, "1", ROLLING, about="gain fades within a run", shape={"tau_t": (1.5, 6.0)},
+            both_signs=True),
+    _effect("backlash", "b_0", 5e-4, "rad", SINES, ROLLING, about="play between angle transducer and wheel"),
 )  # fmt: skip
 
-KIN = (
+VARIANTS = (
     Cause("finite_brush", {"L_patch": 0.15}, "m", (ROLLING,), "bristles fill while they pass the patch (lag L/3)",
           alias="contact_patch_lag"),
     Cause("second_order_filter", {"T_second": 5e-3}, "s", (ROLLING,), "force channel behind a Butterworth filter",
@@ -116,7 +116,7 @@ KIN = (
 
 _TURN = {"phase": (0.01, 2 * np.pi)}
 
-STRANGERS = (
+UNMODELLED = (
     Cause("rig_resonance", {"q_rig": 0.03}, "1", (ROLLING,), "mode of the rig at 5 to 7 Hz in the force path",
           shape={"f_rig": (5.0, 7.0), "z_rig": (0.02, 0.06)}),
     Cause("gear_mesh", {"A_gear": 8.0}, "N", (ROLLING,), "a steady line near 7 Hz, on the rig's own clock",
@@ -137,13 +137,13 @@ STRANGERS = (
           shape={"tau_heat": (0.6, 2.0)}),
 )  # fmt: skip
 
-BY_NAME = {cause.name: cause for cause in (*LIBRARY, *KIN, *STRANGERS)}
+BY_NAME = {cause.name: cause for cause in (*LIBRARY, *VARIANTS, *UNMODELLED)}
 
 
 def table() -> str:
     """All causes as Markdown."""
     lines = ["| cause | kind | knob, typical size | acts in | what it is |", "|---|---|---|---|---|"]
-    for kind, group in (("known", LIBRARY), ("kin", KIN), ("stranger", STRANGERS)):
+    for kind, group in (("in-library", LIBRARY), ("variant", VARIANTS), ("unmodelled", UNMODELLED)):
         for c in group:
             sizes = ", ".join(f"{name} {value:g}" for name, value in c.typical.items())
             places = " or ".join(", ".join(place) for place in c.places)

@@ -1,15 +1,15 @@
-"""Campaigns of a tyre that hide an effect, none, or one that no library knows; what they hide goes into a sealed file.
+"""Campaigns of a tyre that hide an effect of the library, one outside it, or none; with blinded labels.
 
-    python scripts/withheld/generate.py --out DIR [--none 400] [--per-effect 20] [--unknown 20] [--pairs 60] [--kin 10]
-                                        [--paper] [--seed 1] [--jobs 1] [--list]
+    python scripts/withheld/generate.py --out DIR [--none 400] [--per-effect 20] [--unmodelled 20] [--pairs 60]
+                                        [--variants 10] [--paper] [--seed 1] [--jobs 1] [--list]
 
-DIR/campaigns/<name>.nc are campaign files with opaque names; DIR/labels.sealed says what is in them, packed so that
-nobody reads it by accident. Counts of effects, strangers (--unknown) and kin are per cause. What exists already is
-left, so an interrupted run goes on where it stopped, and larger counts add to what is there.
+DIR/campaigns/<name>.nc are campaign files with opaque names. DIR/labels.blinded says what they hide, packed so that
+nobody reads it by accident. The counts of effects, unmodelled causes and variants are per cause. What exists stays, so
+an interrupted run resumes, and larger counts add to what is there.
 
 Nothing here imports mofit or shares code with it: contact patch (brush.py), integrator (integrate.py), filters, noise
-and file writer are its own. Shared are written equations only: the paper's model, which without hidden effect these
-tyres obey, and the definition of each known effect. `--list` prints the table of causes.
+and file writer are its own. Shared are written equations only: the paper's model, which these tyres obey without a
+hidden effect, and the definition of each effect of the library. `--list` prints the table of causes.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from blinded_labels import add_label, read_labels
 from campaign_writer import write_file
 from causes import table
 from hidden import Slot, case_of, labels_of, setting, slots
 from respond import respond
-from sealed import seal, unseal
 from specimen import add_noise
 
 BATCH = 8
@@ -40,27 +40,33 @@ def main() -> None:
         print(table())
         return
     wanted = slots(
-        options.seed, options.none, options.per_effect, options.unknown, options.pairs, options.kin, options.paper
+        options.seed,
+        options.none,
+        options.per_effect,
+        options.unmodelled,
+        options.pairs,
+        options.variants,
+        options.paper,
     )
-    folder, labels = options.out / "campaigns", options.out / "labels.sealed"
+    folder, labels = options.out / "campaigns", options.out / "labels.blinded"
     folder.mkdir(parents=True, exist_ok=True)
-    done = unseal(labels)
+    done = read_labels(labels)
     missing = [s for s in wanted if s.campaign not in done or not (folder / f"{s.campaign}.nc").exists()]
     parts = [missing[start : start + BATCH] for start in range(0, len(missing), BATCH)]
-    known = [{slot.campaign: done[slot.campaign] for slot in part if slot.campaign in done} for part in parts]
+    labelled = [{slot.campaign: done[slot.campaign] for slot in part if slot.campaign in done} for part in parts]
     count = 0
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-        for entries in pool.map(partial(make, folder=folder), parts, known):
+        for entries in pool.map(partial(make, folder=folder), parts, labelled):
             for name, entry in entries.items():
-                seal(labels, name, entry)
+                add_label(labels, name, entry)
             count += len(entries)
             print(f"{count} labels, of {len(missing)} campaigns", file=sys.stderr)
 
 
-def make(part: list[Slot], known: Mapping[str, dict[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
-    """Write some campaigns, and return the labels of those that are not known yet."""
-    fresh = labels_of([slot for slot in part if slot.campaign not in known])
-    entries = {**known, **fresh}
+def make(part: list[Slot], labelled: Mapping[str, dict[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
+    """Write some campaigns, and return the labels of those that have none yet."""
+    fresh = labels_of([slot for slot in part if slot.campaign not in labelled])
+    entries = {**labelled, **fresh}
     settings = [setting(slot)[1] for slot in part]
     jobs = [
         (case_of(entries[slot.campaign]), test) for slot, tests in zip(part, settings, strict=True) for test in tests
@@ -75,7 +81,7 @@ def make(part: list[Slot], known: Mapping[str, dict[str, Any]], folder: Path) ->
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("withheld"), help="folder of the campaigns")
-    for name, count in (("none", 400), ("per-effect", 20), ("unknown", 20), ("pairs", 60), ("kin", 10)):
+    for name, count in (("none", 400), ("per-effect", 20), ("unmodelled", 20), ("pairs", 60), ("variants", 10)):
         parser.add_argument(f"--{name}", type=int, default=count, help=f"default {count}")
     parser.add_argument("--paper", action="store_true", help="of all sines the paper's nine alone")
     parser.add_argument("--seed", type=int, default=1)

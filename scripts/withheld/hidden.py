@@ -8,27 +8,29 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, draw_cause
+from causes import BY_NAME, LIBRARY, UNMODELLED, VARIANTS, Drawn, draw_cause
 from numpy.typing import NDArray
 from respond import Case, respond
-from rig_tests import RigTest, programme
+from rig_tests import RigTest, planned_tests
 from specimen import NOISES, draw_specimen
 from strength import Ground, grounds, largest, shrinkage, sized
 
 #: every second campaign draws the strength, the others the size as a multiple of the typical one, both on a log scale
 RANGE, MULTIPLES = (8.0, 2000.0), (0.3, 2.0)
-#: of what is left beside the whole library (strangers), or beside the other cause (pairs)
+#: of what is left beside the whole library (unmodelled causes), or beside the other cause (pairs)
 CLEAR = (100.0, 3000.0)
 FAIR_PAIR, TRIES = 50.0, 25
 #: knobs that may soften the carcass: it can give way late in a test; then the size is taken back by this factor
 SOFTENING, LESS = {"k_c", "k_a", "e_y"}, 0.8
+#: cases in the hash of a campaign's name: a seed makes the campaigns that it made under these names
+_HASHED = {"variant": "kin", "unmodelled": "unknown"}
 
 
 @dataclass(frozen=True)
 class Slot:
-    """One campaign to be made: ``case`` none, effect, kin, unknown or pair; ``cause`` by name where it is given.
+    """One campaign to be made: ``case`` none, effect, variant, unmodelled or pair; ``cause`` by name where it is given.
 
-    ``paper``: of the paper's programme alone.
+    ``paper``: with the paper's tests alone.
     """
 
     seed: int
@@ -40,8 +42,8 @@ class Slot:
     @property
     def campaign(self) -> str:
         """Opaque name."""
-        kind = "withheld paper" if self.paper else "withheld"
-        return hashlib.sha256(f"{kind} {self.seed} {self.case} {self.cause} {self.number}".encode()).hexdigest()[:12]
+        kind, case = "withheld paper" if self.paper else "withheld", _HASHED.get(self.case, self.case)
+        return hashlib.sha256(f"{kind} {self.seed} {case} {self.cause} {self.number}".encode()).hexdigest()[:12]
 
     @property
     def noise(self) -> str:
@@ -49,24 +51,29 @@ class Slot:
         return NOISES[self.number % len(NOISES)]
 
     def rng(self, stream: int) -> np.random.Generator:
-        """A stream of its own for every use: 0 specimen and programme, 1 cause, 2 noise, from 10 appended tests."""
+        """A stream of its own for every use: 0 specimen and tests, 1 cause, 2 noise, from 10 appended tests."""
         return np.random.default_rng([int(self.campaign, 16) % 2**32, int(self.campaign, 16) >> 32, stream])
 
 
-def slots(seed: int, none: int, per_effect: int, unknown: int, pairs: int, kin: int, paper: bool = False) -> list[Slot]:
+def slots(
+    seed: int, none: int, per_effect: int, unmodelled: int, pairs: int, variants: int, paper: bool = False
+) -> list[Slot]:
     """All campaigns, in the order of their opaque names; more of a kind leave the others as they are."""
     found = [Slot(seed, "none", "", i, paper) for i in range(none)]
-    for case, causes, count in (("effect", LIBRARY, per_effect), ("kin", KIN, kin), ("unknown", STRANGERS, unknown)):
+    counted = (
+        ("effect", LIBRARY, per_effect), ("variant", VARIANTS, variants), ("unmodelled", UNMODELLED, unmodelled),
+    )  # fmt: skip
+    for case, causes, count in counted:
         found += [Slot(seed, case, cause.name, i, paper) for cause in causes for i in range(count)]
     found += [Slot(seed, "pair", "", i, paper) for i in range(pairs)]
     return sorted(found, key=lambda slot: slot.campaign)
 
 
 def setting(slot: Slot) -> tuple[dict[str, float], tuple[RigTest, ...]]:
-    """Specimen and programme of a campaign."""
+    """Specimen and tests of a campaign."""
     rng = slot.rng(0)
     while True:
-        specimen, tests = draw_specimen(rng), programme(rng, slot.paper)
+        specimen, tests = draw_specimen(rng), planned_tests(rng, slot.paper)
         # the most that the carcass can hold is c_y / (4 |p_y|)
         if specimen["c_y"] > 4 * abs(specimen["p_y"]) * specimen["F_M"] or _stands(Case(specimen), tests):
             return specimen, tests
@@ -150,14 +157,14 @@ def _log_uniform(rng: np.random.Generator, bounds: Sequence[float]) -> float:
 
 def _single(place: Ground, slot: Slot, rng: np.random.Generator) -> tuple[Drawn, float]:
     drawn = draw_cause(BY_NAME[slot.cause], rng)
-    stranger = slot.case == "unknown"
-    if not stranger and (slot.number // len(NOISES)) % 2:
+    unmodelled = slot.case == "unmodelled"
+    if not unmodelled and (slot.number // len(NOISES)) % 2:
         return drawn, min(_log_uniform(rng, MULTIPLES), largest(place, drawn))
-    return drawn, sized(place, drawn, _log_uniform(rng, CLEAR if stranger else RANGE), beyond=stranger)
+    return drawn, sized(place, drawn, _log_uniform(rng, CLEAR if unmodelled else RANGE), beyond=unmodelled)
 
 
 def _pair(place: Ground, rng: np.random.Generator) -> list[tuple[Drawn, float]]:
-    """Two known causes that each stay visible beside the other."""
+    """Two effects of the library that each stay visible beside the other."""
     for _ in range(TRIES):
         first, second = rng.choice(len(LIBRARY), 2, replace=False)
         pair = [draw_cause(LIBRARY[i], rng) for i in (first, second)]

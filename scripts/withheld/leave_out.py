@@ -1,8 +1,8 @@
-"""Which candidate to remove from each campaign to ask what a diagnosis says of an effect that it does not know.
+"""Which candidate to remove from each campaign, to ask what a diagnosis reports of an effect outside its library.
 
     python scripts/withheld/leave_out.py DIR --out removed.json
 
-Campaigns of one library effect that all others together cannot stand in for, by the sealed labels: {campaign: effect}.
+The campaigns of one library effect that all others together cannot replace, from the labels: {campaign: effect}.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import argparse
 import json
 from pathlib import Path
 
-from sealed import unseal
+from blinded_labels import read_labels
 from tally import Pairing, removable
 
 
@@ -21,7 +21,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of generate.py")
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
-    labels = unseal(options.folder / "labels.sealed")
+    labels = read_labels(options.folder / "labels.blinded")
     effects = [Pairing(name, entry, {}) for name, entry in sorted(labels.items()) if entry["case"] == "effect"]
     options.out.parent.mkdir(parents=True, exist_ok=True)
     removed = {p.campaign: p.true[0] for p in effects if removable(p)}

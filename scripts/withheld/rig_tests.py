@@ -1,4 +1,4 @@
-"""The test programme: the paper's Table 1, as the rig runs it, sines at large angles and fast ones."""
+"""The test plan: the paper's Table 1, as the rig runs it, sines at large angles and fast ones."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def further_sine(frequency: float, amplitude: float, speed: float) -> RigTest:
     )
 
 
-def programme(rng: np.random.Generator, paper: bool = False) -> tuple[RigTest, ...]:
+def planned_tests(rng: np.random.Generator, paper: bool = False) -> tuple[RigTest, ...]:
     """Three steps, one quasi-static test, nine sines, and those besides unless ``paper``.
 
     The sines are one day's campaign in random order, with pauses; their clock starts with the first of them. Steps and

@@ -1,7 +1,7 @@
 """Open the labels, last of all, and count how the diagnosis did.
 
-    python scripts/withheld/score.py DIR/labels.sealed DIR/results [--next DIR/next-results ...] [--without DIR/without]
-                                     [--made-by TEXT] --out REPORT
+    python scripts/withheld/score.py DIR/labels.blinded DIR/results [--next DIR/next-results ...]
+                                     [--without DIR/without] [--made-by TEXT] --out REPORT
 
 Each folder of results has one <name>.json per campaign, as `mofit diagnose --json` prints. Beside it may lie a
 <name>.npz with arrays `<test>/start`, `<test>/before`, `<test>/after`: the first sample, and the force in N that the
@@ -21,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from blinded_labels import read_labels
 from hidden import case_of, setting, slot_of
 from respond import respond
-from sealed import unseal
 from tally import Pairing, confusion, figures
 from verdict_page import draw, page
 
@@ -38,7 +38,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--made-by", default="", help="command and versions, for the page")
     options = parser.parse_args()
-    labels = unseal(options.labels)
+    labels = read_labels(options.labels)
     main_run = joined(labels, options.results, with_truth=True)
     if not main_run:
         sys.exit(f"{options.results}: no result belongs to a campaign of {options.labels}; run the diagnosis first")

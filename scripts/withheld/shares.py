@@ -1,4 +1,4 @@
-"""Shares with their intervals, and spreads: what the scorer's figures are made of."""
+"""Shares with their intervals, and quantiles: what the scorer's figures are made of."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.stats import beta
 
 
 def upper_bound(hits: int, count: int, level: float = 0.95) -> float:
-    """Clopper-Pearson bound that the true share exceeds with a chance of 1 - level."""
+    """Clopper-Pearson bound that the true share exceeds with probability 1 - level."""
     return 1.0 if hits >= count else float(beta.ppf(level, hits + 1, count - hits))
 
 

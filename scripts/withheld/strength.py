@@ -32,7 +32,7 @@ STEP, SETTLED = 1e-2, 4.0
 _CHANGE = 1e-3
 #: share of the typical size at which the library's directions are taken
 _SHARE = 0.3
-#: shapes at which a rival is tried: of times and exponents so many that its best is not missed by much
+#: shapes at which a competitor is tried: of times and exponents so many that its best is not missed by much
 _GRIDS = {
     "tau_2": (0.01, 0.02, 0.035, 0.06, 0.12, 0.25), "a_f": (0.15, 0.22, 0.3, 0.4, 0.5), "delta_d": (1e-3, 4e-3),
     "y_P": (1e-3, 3e-3, 1e-2), "tau_t": (1.0, 4.0, 15.0),
@@ -127,7 +127,7 @@ class Ground:
 
 
 def ground(specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, library: bool = True) -> Ground:
-    """Derivatives by parameters and, with ``library``, by all known effects in the sine tests."""
+    """Derivatives by parameters and, with ``library``, by all effects of the library, in the sine tests."""
     return grounds([(specimen, tests, noise)], library)[0]
 
 
@@ -231,8 +231,8 @@ def shrinkage(place: Ground, gap: Array, columns: Array) -> dict[str, object]:
     return {"before": before, "after": after, "share": float(1 - squares[1] / squares[0]) if squares[0] > 0 else None}
 
 
-def chance(left: Array, times: float) -> Array:
-    """Chance that a rival is so many times less probable at least, if it leaves this much of a gap's squared length.
+def ruled_out_probability(left: Array, times: float) -> Array:
+    """Probability that a competitor is at least so many times less probable, if it leaves this much of a squared gap.
 
     The two are close: twice the difference of the log likelihoods is normal, its variance four times its mean.
     """

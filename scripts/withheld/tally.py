@@ -11,25 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 from shares import mean, share, spread, upper_bound
-from strength import chance
+from strength import ruled_out_probability
 
 #: score T, or strength, from which an effect is strong, and from which it is there at all
 STRONG, WEAK = 50.0, 16.0
-#: what the whole library leaves of a stranger, or of an effect that is taken from it, from which that must be missed
+#: what the whole library leaves of an unmodelled cause, or of an effect removed from it, so that it must be missed
 CLEAR = 50.0
-#: what the best other effect leaves of one (the best other pair of a pair) from which tests can surely tell it from all
-TOLD_APART = 40.0
-#: a rival that is so many times less probable is not named beside an effect
-ALIKE = 10.0
+#: what the best other effect leaves of one (the best other pair of a pair), so that the tests distinguish it from all
+DISTINGUISHABLE = 40.0
+#: a competitor that is so many times less probable is not named beside an effect
+RULED_OUT = 10.0
 
-CASES = ("none", "effect", "kin", "unknown", "pair")
+CASES = ("none", "effect", "variant", "unmodelled", "pair")
 #: verdicts beside a single name
 OTHERS = ("group with it", "group without", "several, all right", "several with it", "several without", "unknown")
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """One campaign: its label, what the diagnosis said, and the true shrinkage if it can be told."""
+    """One campaign: its label, what the diagnosis reported, and the true shrinkage where it is known."""
 
     campaign: str
     label: Mapping[str, Any]
@@ -43,12 +43,12 @@ class Pairing:
 
     @property
     def verdict(self) -> str:
-        """What the diagnosis said in one word."""
+        """What the diagnosis reported in one word."""
         return str(self.result["verdict"])
 
     @property
     def named(self) -> tuple[str, ...]:
-        """Every effect that it names, in any of its explanations; none where it names none with conviction."""
+        """Every effect that it names, in any of its candidate models; none where it names none with conviction."""
         if self.verdict in ("none", "unknown"):
             return ()
         parts = [effect["name"] for effect in self.result["effects"]]
@@ -58,12 +58,12 @@ class Pairing:
 
     @property
     def best(self) -> tuple[str, ...]:
-        """Effects of its best explanation; none where it names none with conviction."""
+        """Effects of its best candidate model; none where it names none with conviction."""
         return tuple(self.result["candidate_models"][0]) if self.named else ()
 
     @property
     def exact(self) -> bool:
-        """Whether it says just what is true."""
+        """Whether it reports just what is true."""
         return self.verdict in ("effect", "several") and set(self.named) == set(self.true)
 
     @property
@@ -93,15 +93,15 @@ def figures(
     pairings
         The main run.
     after_next
-        Per round: campaigns of which several explanations were left, diagnosed again with the advised test added.
+        Per round: campaigns of which several candidate models were left, diagnosed again with the proposed test.
     without
-        Campaigns diagnosed with the true effect taken from the candidates.
+        Campaigns diagnosed with the true effect removed from the candidates.
     """
     by_case = {case: [p for p in pairings if p.label["case"] == case] for case in CASES}
     effects = by_case["effect"]
     strong = [p for p in effects if p.score >= STRONG]
     weaker = [p for p in effects if WEAK <= p.score < STRONG]
-    clear = [p for p in by_case["unknown"] if p.label["beyond_library"] >= CLEAR]
+    clear = [p for p in by_case["unmodelled"] if p.label["beyond_library"] >= CLEAR]
     missed = [p for p in without if removable(p)]
     alarms = [p.verdict != "none" for p in by_case["none"]]
     rounds = [{p.campaign: p for p in found} for found in (pairings, *after_next)]
@@ -123,25 +123,27 @@ def figures(
         "strong": {**_naming(strong), "set_size": mean([len(p.named) for p in strong if p.named])},
         "strong_with_next_test": _naming([last[p.campaign] for p in strong]),
         "next_tests_run": [sum(p.campaign in found for p in strong) for found in rounds[1:]],
-        "strong_told_apart": _naming([p for p in strong if _next_best(p) >= TOLD_APART]),
+        "strong_distinguishable": _naming([p for p in strong if _next_best(p) >= DISTINGUISHABLE]),
         "strong_first_at_best": mean([first_at_best(p) for p in strong]),
-        "strong_alone_at_best": mean([float(chance(np.array(_next_best(p)), ALIKE)) for p in strong]),
+        "strong_alone_at_best": mean(
+            [float(ruled_out_probability(np.array(_next_best(p)), RULED_OUT)) for p in strong]
+        ),
         "weaker": _naming(weaker),
-        "fainter": _naming([p for p in effects if p.score < WEAK]),
+        "weakest": _naming([p for p in effects if p.score < WEAK]),
         "strong_in_truth": _naming([p for p in effects if p.strength >= STRONG]),
         "weaker_in_truth": _naming([p for p in effects if WEAK <= p.strength < STRONG]),
-        "kin": _naming([p for p in by_case["kin"] if p.strength >= STRONG]),
-        "unknown": {
-            "said_unknown": share(p.verdict == "unknown" for p in clear),
+        "variants": _naming([p for p in by_case["variant"] if p.strength >= STRONG]),
+        "unmodelled": {
+            "reported_unknown": share(p.verdict == "unknown" for p in clear),
             "confidently_wrong": share(bool(p.named) for p in clear),
-            "said_none": share(p.verdict == "none" for p in clear),
+            "reported_none": share(p.verdict == "none" for p in clear),
         },
         "pairs": _both(by_case["pair"]),
         "pairs_with_next_test": _both([last[p.campaign] for p in by_case["pair"]]),
-        "pairs_told_apart": _both([p for p in by_case["pair"] if p.label["next_pair"] >= TOLD_APART]),
+        "pairs_distinguishable": _both([p for p in by_case["pair"] if p.label["next_pair"] >= DISTINGUISHABLE]),
         "without_the_true_one": {
             "removable": sum(removable(p) for p in effects),
-            "said_unknown": share(p.verdict == "unknown" for p in missed),
+            "reported_unknown": share(p.verdict == "unknown" for p in missed),
             "confidently_wrong": share(bool(p.named) for p in missed),
         },
         "shrinkage": _shrinkage([p for p in (*strong, *by_case["pair"]) if p.exact]),
@@ -156,7 +158,7 @@ def figures(
         "by_effect": {
             name: _naming([p for p in strong if p.true == (name,)]) for name in sorted({p.true[0] for p in strong})
         },
-        "by_stranger": {
+        "by_unmodelled": {
             name: share(p.verdict == "unknown" for p in clear if p.label["cause"] == name)
             for name in sorted({p.label["cause"] for p in clear})
         },
@@ -165,15 +167,15 @@ def figures(
 
 
 def confusion(pairings: Sequence[Pairing]) -> tuple[list[str], list[str], NDArray[np.int64]]:
-    """Truth by row, saying by column, counts.
+    """Truth by row, report by column, counts.
 
     A column of its own for each effect that is named alone; groups and several are split by whether the truth is in.
     """
     rows = {p.campaign: _row(p) for p in pairings}
     columns = {p.campaign: _column(p) for p in pairings}
-    known = {rows[p.campaign] for p in pairings if p.label["case"] == "effect"}
+    in_library = {rows[p.campaign] for p in pairings if p.label["case"] == "effect"}
     down = [name for _, name in sorted({(CASES.index(p.label["case"]), rows[p.campaign]) for p in pairings})]
-    across = ["none", *sorted((known | set(columns.values())) - {"none", *OTHERS}), *OTHERS]
+    across = ["none", *sorted((in_library | set(columns.values())) - {"none", *OTHERS}), *OTHERS]
     counts = np.zeros((len(down), len(across)), dtype=np.int64)
     for p in pairings:
         counts[down.index(rows[p.campaign]), across.index(columns[p.campaign])] += 1
@@ -198,8 +200,8 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
         "exact": share(p.exact for p in found),
         "first": share(p.first for p in found),
         "in_set": share(set(p.true) <= set(p.named) for p in found),
-        "said_none": share(p.verdict == "none" for p in found),
-        "said_unknown": share(p.verdict == "unknown" for p in found),
+        "reported_none": share(p.verdict == "none" for p in found),
+        "reported_unknown": share(p.verdict == "unknown" for p in found),
     }
 
 
@@ -212,17 +214,17 @@ def _both(found: Sequence[Pairing]) -> dict[str, Any]:
 
 
 def removable(p: Pairing) -> bool:
-    """Whether an effect must be missed where it is no candidate: all others together cannot stand in for it."""
+    """Whether an effect must be missed where it is no candidate: all others together cannot replace it."""
     return bool(p.label["beyond_others"] >= CLEAR)
 
 
 def advises(p: Pairing) -> bool:
-    """Whether a diagnosis that explains the gap advises a test to tell its explanations apart."""
+    """Whether a diagnosis that explains the gap proposes a test to discriminate between its candidate models."""
     return p.verdict != "unknown" and p.result.get("next_experiment") is not None
 
 
 def claims(p: Pairing) -> bool:
-    """Whether it says that this test will tell all of them apart."""
+    """Whether it promises that this test resolves the group."""
     return advises(p) and bool(p.result["next_experiment"]["resolves"])
 
 
@@ -232,10 +234,10 @@ def _discriminated(before: Pairing, after: Pairing) -> bool:
 
 
 def first_at_best(p: Pairing) -> float:
-    """Chance that the true effect fits better than its best rival, for a diagnosis that knows all but the effect.
+    """Probability that the true effect fits better than its best competitor, if all but the effect is known.
 
     Of a gap a t in white noise, directions t and l take up (r t)^2 and (r l)^2; their difference is the product of
-    r (t - l) and r (t + l), which are independent normals. The rival leaves a^2 sin^2 of the angle between the two.
+    r (t - l) and r (t + l), which are independent normals. The competitor leaves a^2 sin^2 of their angle.
     """
     strength = p.label["strength"]
     half = 0.5 * np.arcsin(np.sqrt(min(_next_best(p) / strength, 1.0)))
@@ -243,19 +245,24 @@ def first_at_best(p: Pairing) -> float:
     return float(np.prod(norm.cdf(means)) + np.prod(norm.cdf(-means)))
 
 
+def alone_at_best(p: Pairing) -> float:
+    """Probability that the best competitor is ruled out, if all but the effect is known."""
+    return float(ruled_out_probability(np.array(_next_best(p)), RULED_OUT))
+
+
 def _next_best(p: Pairing) -> float:
     return min(value for name, value in p.label["separation"].items() if name not in p.true)
 
 
 def _shrinkage(found: Sequence[Pairing]) -> dict[str, Any]:
-    told = [p for p in found if p.result.get("shrinkage") and p.actual is not None]
-    said = [p.result["shrinkage"] for p in told]
-    actual = [p.actual for p in told]
+    reported = [p for p in found if p.result.get("shrinkage") and p.actual is not None]
+    said = [p.result["shrinkage"] for p in reported]
+    actual = [p.actual for p in reported]
     return {
         "predicted_off": spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
         "refitted_off": spread([abs(s["refitted"] - a) for s, a in zip(said, actual, strict=True)]),
         "covered": share(s["low"] <= a <= s["high"] for s, a in zip(said, actual, strict=True)),
-        "withheld": len(found) - len(told),
+        "not_reported": len(found) - len(reported),
     }
 
 
@@ -264,8 +271,8 @@ def _sizes(found: Sequence[Pairing]) -> dict[str, Any]:
     covered = []
     for p in found:
         cause, said = p.label["causes"][0], p.result["effects"][0]
-        truth, told = _parts(cause, said)
-        errors.setdefault(cause["name"], []).append(float(np.linalg.norm(told - truth) / np.linalg.norm(truth)))
+        truth, reported = _parts(cause, said)
+        errors.setdefault(cause["name"], []).append(float(np.linalg.norm(reported - truth) / np.linalg.norm(truth)))
         if len(truth) == 1 and said.get("size_low") is not None:
             covered.append(said["size_low"] <= truth[0] <= said["size_high"])
     return {

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 _CASES = {
     "none": "without effect",
     "effect": "with an effect",
-    "kin": "with a near-library variant",
-    "unknown": "with an out-of-library discrepancy",
+    "variant": "with a variant",
+    "unmodelled": "with an unmodelled cause (outside the library)",
     "pair": "with two effects",
 }
 
@@ -23,9 +23,9 @@ def page(
     found: Mapping[str, Any], down: Sequence[str], across: Sequence[str], counts: NDArray[np.int64], made_by: str = ""
 ) -> str:
     """All figures as Markdown, each beside what was asked for."""
-    none, strong, unknown, pairs = found["none"], found["strong"], found["unknown"], found["pairs"]
+    none, strong, unmodelled, pairs = found["none"], found["strong"], found["unmodelled"], found["pairs"]
     apart, later, followed = (
-        found[key] for key in ("pairs_told_apart", "pairs_with_next_test", "strong_with_next_test")
+        found[key] for key in ("pairs_distinguishable", "pairs_with_next_test", "strong_with_next_test")
     )
     shrinkage, size, without = found["shrinkage"], found["size"], found["without_the_true_one"]
     lines = [
@@ -38,7 +38,7 @@ def page(
         "Alone: that effect and no other is named. First: it is the most probable one. These tests can hardly",
         "distinguish some effects (delay and patch lag, force and slip offset): there a group is right, and not",
         "alone. Only effects that all others together cannot replace are removed from the candidates; the same",
-        "holds for out-of-library discrepancies. Where several explanations are left, the proposed next test is",
+        "holds for unmodelled causes. Where several candidate models are left, the proposed next test is",
         "run on the same tyre and the campaign diagnosed again, round by round; it discriminates where the truth",
         "and nothing else is named then. At best: how often the noise lets the truth fit better than its best",
         "competitor (first), or ten times better (alone), if all else were known (linear, from the truth).",
@@ -60,26 +60,26 @@ def page(
         f"| … alone, after the proposed next tests | {_share(followed['exact'])} | |",
         f"| … … in the set | {_share(followed['in_set'])} | |",
         f"| … … campaigns with a next test, by round | {', '.join(map(str, found['next_tests_run']))} | |",
-        f"| … distinguishable from all others: alone | {_share(found['strong_told_apart']['exact'])} | |",
+        f"| … distinguishable from all others: alone | {_share(found['strong_distinguishable']['exact'])} | |",
         f"| weaker (T from 16 to 50): in the set | {_share(found['weaker']['in_set'])} | ≥ 90 % |",
-        f"| weakest (T below 16): in the set | {_share(found['fainter']['in_set'])} | |",
+        f"| weakest (T below 16): in the set | {_share(found['weakest']['in_set'])} | |",
         f"| strength ≥ 50: named first | {_share(found['strong_in_truth']['first'])} | |",
         f"| … in the set | {_share(found['strong_in_truth']['in_set'])} | |",
         f"| strength from 16 to 50: in the set | {_share(found['weaker_in_truth']['in_set'])} | |",
-        f"| near-library variants (same cause, another law), strong: in the set | {_share(found['kin']['in_set'])} | |",
-        f"| … reported unknown | {_share(found['kin']['said_unknown'])} | |",
-        f"| out-of-library discrepancies: reported unknown | {_share(unknown['said_unknown'])} | ≥ 95 % |",
-        f"| … confidently wrong | {_share(unknown['confidently_wrong'])} | ≤ 1 % |",
-        f"| … reported none | {_share(unknown['said_none'])} | |",
+        f"| variants (same cause, another law), strong: in the set | {_share(found['variants']['in_set'])} | |",
+        f"| … reported unknown | {_share(found['variants']['reported_unknown'])} | |",
+        f"| unmodelled causes: reported unknown | {_share(unmodelled['reported_unknown'])} | ≥ 95 % |",
+        f"| … confidently wrong | {_share(unmodelled['confidently_wrong'])} | ≤ 1 % |",
+        f"| … reported none | {_share(unmodelled['reported_none'])} | |",
         f"| two at once: both named | {_share(pairs['both_named'])} | ≥ 85 % |",
         f"| … precision | {_share(pairs['precision'])} | ≥ 90 % |",
-        f"| … those two by the most probable explanation | {_share(pairs['both_first'])} | |",
+        f"| … those two in the most probable candidate model | {_share(pairs['both_first'])} | |",
         f"| … after the proposed next tests: both named | {_share(later['both_named'])} | |",
         f"| … … precision | {_share(later['precision'])} | |",
         f"| … distinguishable from all other pairs: both named | {_share(apart['both_named'])} | |",
         f"| … … precision | {_share(apart['precision'])} | |",
-        f"| … … those two by the most probable explanation | {_share(apart['both_first'])} | |",
-        f"| true effect removed from the candidates: reported unknown | {_share(without['said_unknown'])} | |",
+        f"| … … those two in the most probable candidate model | {_share(apart['both_first'])} | |",
+        f"| true effect removed from the candidates: reported unknown | {_share(without['reported_unknown'])} | |",
         f"| … confidently wrong | {_share(without['confidently_wrong'])} | |",
         f"| … campaigns where it can be removed | {without['removable']} | |",
         f"| shrinkage: error of the prediction, median / 90 % | {_pair(shrinkage['predicted_off'])} | ≤ 0.02 / 0.05 |",
@@ -99,16 +99,16 @@ def page(
         "|---|---|---|---|---|---|",
         *(
             f"| {name} | {_share(value['first'])} | {_share(value['exact'])} | {_share(value['in_set'])} "
-            f"| {_share(value['said_unknown'])} "
+            f"| {_share(value['reported_unknown'])} "
             f"| {_number((size['by_effect'].get(name) or {}).get('median'))} |"
             for name, value in found["by_effect"].items()
         ),
         "",
-        "## Out-of-library discrepancies: reported unknown",
+        "## Unmodelled causes: reported unknown",
         "",
         "| cause | share |",
         "|---|---|",
-        *(f"| {name} | {_share(value)} |" for name, value in found["by_stranger"].items()),
+        *(f"| {name} | {_share(value)} |" for name, value in found["by_unmodelled"].items()),
         "",
         "## Confusion",
         "",

@@ -1,4 +1,4 @@
-"""The check on withheld effects from end to end, with as few campaigns as it can have."""
+"""The blind test from end to end, with as few campaigns as it can have."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ from benchmarks.withheld_effects import check, diagnose_blindly
 
 pytestmark = pytest.mark.slow
 
-COUNTS = {"none": 1, "per-effect": 0, "unknown": 0, "pairs": 0, "kin": 0}
+COUNTS = {"none": 1, "per-effect": 0, "unmodelled": 0, "pairs": 0, "variants": 0}
 
 
 def test_campaigns_are_made_diagnosed_and_scored_once(tmp_path: Path) -> None:

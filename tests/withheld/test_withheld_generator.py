@@ -7,22 +7,22 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from blinded_labels import add_label, read_labels
 from brush import bristles, characteristic, pressure_profile, secant
-from causes import BY_NAME, KIN, LIBRARY, STRANGERS, Drawn, table
+from causes import BY_NAME, LIBRARY, UNMODELLED, VARIANTS, Drawn, table
 from filters import lag, later, play, slope_before
 from generate import main, make
 from hidden import Slot, case_of, label, setting, slot_of, slots
 from integrate import fractional_parts, spectrum
 from respond import Case, respond
-from rig_tests import FREQUENCIES, FURTHER, programme, sine
+from rig_tests import FREQUENCIES, FURTHER, planned_tests, sine
 from scipy.special import gamma
-from sealed import seal, unseal
 from specimen import CENTRE, NOISES, add_noise, draw_specimen, whitened
 from strength import ground, shrinkage, sized
 
 SCRIPTS = Path(__file__).parents[2] / "scripts" / "withheld"
 #: the paper's alone
-TESTS = programme(np.random.default_rng(3), paper=True)
+TESTS = planned_tests(np.random.default_rng(3), paper=True)
 #: residual RMS in N on nine sines with everything else as it was, from the list of effects that asked for this check
 RAW = {
     "contact_patch_lag": 56, "delay": 74, "sensor_lowpass": 92, "inertia": 14, "second_branch": 28, "springpot": 40,
@@ -167,7 +167,7 @@ def test_filters_do_what_they_say():
     assert np.all(np.abs(wave - moved) <= 0.1 + 1e-12)
 
 
-@pytest.mark.parametrize("cause", [*LIBRARY, *KIN, *STRANGERS], ids=lambda c: c.name)
+@pytest.mark.parametrize("cause", [*LIBRARY, *VARIANTS, *UNMODELLED], ids=lambda c: c.name)
 def test_every_cause_changes_the_force_by_what_it_should(cause, base):
     sines = [t for t in TESTS if t.frequency in (0.5, 1.5, 2.5, 4.0)]
     drawn = usual(cause, 0)
@@ -244,8 +244,8 @@ def test_strength_is_the_score_of_noisy_data(place):
     assert np.mean(scores) == pytest.approx(place.left(gap) + 1, rel=0.1)
 
 
-@pytest.mark.parametrize("cause", STRANGERS, ids=lambda c: c.name)
-def test_strangers_are_not_the_library_in_disguise(cause, place):
+@pytest.mark.parametrize("cause", UNMODELLED, ids=lambda c: c.name)
+def test_the_library_does_not_explain_the_unmodelled(cause, place):
     """At some size within its limits each leaves much that the whole library at once cannot explain."""
     drawn = usual(cause)
     multiple = sized(place, drawn, 200.0, beyond=True)
@@ -278,8 +278,8 @@ def test_shrinkage_is_nearly_whole_for_a_strong_effect(place):
 def test_slots_are_opaque_and_more_of_them_change_none():
     few, many = slots(1, 3, 1, 1, 2, 0), slots(1, 5, 2, 2, 3, 1)
     assert {s.campaign for s in few} <= {s.campaign for s in many}
-    assert len({s.campaign for s in many}) == len(many) == 5 + 2 * (len(LIBRARY) + len(STRANGERS)) + 3 + len(KIN)
-    assert len(few) == 3 + len(LIBRARY) + len(STRANGERS) + 2
+    assert len({s.campaign for s in many}) == len(many) == 5 + 2 * (len(LIBRARY) + len(UNMODELLED)) + 3 + len(VARIANTS)
+    assert len(few) == 3 + len(LIBRARY) + len(UNMODELLED) + 2
     assert slots(2, 1, 0, 0, 0, 0)[0].campaign not in {s.campaign for s in many}
     cases = [s.case for s in many]
     assert cases != sorted(cases)
@@ -329,11 +329,16 @@ def test_a_carcass_that_gives_way_is_drawn_anew():
 
 
 def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
-    command = ["generate.py", "--out", str(tmp_path), *"--per-effect 0 --unknown 0 --pairs 0 --kin 0 --none".split()]
+    command = [
+        "generate.py",
+        "--out",
+        str(tmp_path),
+        *"--per-effect 0 --unmodelled 0 --pairs 0 --variants 0 --none".split(),
+    ]
     monkeypatch.setattr("sys.argv", [*command, "2"])
     main()
     files = sorted((tmp_path / "campaigns").glob("*.nc"))
-    labels = unseal(tmp_path / "labels.sealed")
+    labels = read_labels(tmp_path / "labels.blinded")
     assert {f.stem for f in files} == set(labels)
     assert {entry["case"] for entry in labels.values()} == {"none"}
     with netCDF4.Dataset(files[0]) as file:
@@ -350,26 +355,26 @@ def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
     main()
     assert files[0].read_bytes() == before
     assert files[1].read_bytes() == b"kept as it is"
-    assert len(list((tmp_path / "campaigns").glob("*.nc"))) == len(unseal(tmp_path / "labels.sealed")) == 3
+    assert len(list((tmp_path / "campaigns").glob("*.nc"))) == len(read_labels(tmp_path / "labels.blinded")) == 3
 
 
 def test_campaigns_do_not_tell_what_they_hide(tmp_path):
-    labels = tmp_path / "labels.sealed"
-    part = [Slot(7, "none", "", 0), Slot(7, "effect", "wheel_order", 0), Slot(7, "unknown", "gear_mesh", 0)]
+    labels = tmp_path / "labels.blinded"
+    part = [Slot(7, "none", "", 0), Slot(7, "effect", "wheel_order", 0), Slot(7, "unmodelled", "gear_mesh", 0)]
     for slot, knobs in zip(part, ({}, {"A_wc": 10.0}, {"A_gear": 10.0}), strict=True):
         causes = [{"name": slot.cause, "knobs": knobs, "place": ["sine"]}] if knobs else []
         entry = {"case": slot.case, "cause": slot.cause, "specimen": setting(slot)[0], "causes": causes}
-        seal(labels, slot.campaign, entry)
-    make(part, unseal(labels), tmp_path)
+        add_label(labels, slot.campaign, entry)
+    make(part, read_labels(labels), tmp_path)
     words = [text_of(tmp_path / f"{slot.campaign}.nc") for slot in part]
-    secret = [word for c in (*LIBRARY, *KIN, *STRANGERS) for word in (c.name, *c.typical)]
-    sealed = labels.read_text()
-    assert not [s for s in secret if s in sealed]
+    secret = [word for c in (*LIBRARY, *VARIANTS, *UNMODELLED) for word in (c.name, *c.typical)]
+    packed = labels.read_text()
+    assert not [s for s in secret if s in packed]
     for found in words:
         assert not [w for w in found for s in secret if s in w]
         # but for numbers, all files read alike
         assert [w for w in found if not is_number(w)] == [w for w in words[0] if not is_number(w)]
-    assert [unseal(labels)[slot.campaign]["cause"] for slot in part] == ["", "wheel_order", "gear_mesh"]
+    assert [read_labels(labels)[slot.campaign]["cause"] for slot in part] == ["", "wheel_order", "gear_mesh"]
 
 
 def is_number(word):
@@ -389,14 +394,14 @@ def test_a_label_tells_how_the_record_came_about(tmp_path):
     with_effect, without = respond([(case, test), (case_of(entry, bare=True), test)])
     shifted = np.interp(test.time - cause["size"], test.time, without)
     assert np.max(np.abs(with_effect - shifted)[10:]) < 10
-    path = tmp_path / "labels.sealed"
-    seal(path, "a", entry)
-    seal(path, "b", {"case": "none"})
+    path = tmp_path / "labels.blinded"
+    add_label(path, "a", entry)
+    add_label(path, "b", {"case": "none"})
     path.write_text(path.read_text() + "c eJyr")  # cut short
-    assert set(unseal(path)) == {"a", "b"}
-    seal(path, "d", {"case": "pair"})
-    assert set(unseal(path)) == {"a", "b", "d"}
-    assert unseal(path)["b"] == {"case": "none"}
+    assert set(read_labels(path)) == {"a", "b"}
+    add_label(path, "d", {"case": "pair"})
+    assert set(read_labels(path)) == {"a", "b", "d"}
+    assert read_labels(path)["b"] == {"case": "none"}
 
 
 def test_the_readme_lists_all_causes():

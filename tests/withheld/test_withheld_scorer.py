@@ -1,14 +1,14 @@
-"""The scorer of withheld effects: counting against labels that are opened last."""
+"""The scorer of the blind test: counting against labels that are opened last."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from blinded_labels import add_label
 from hidden import Slot, case_of, setting
 from respond import respond
 from score import actual, main
-from sealed import seal
 from shares import interval, upper_bound
 from tally import Pairing, confusion, figures
 
@@ -76,7 +76,7 @@ def test_naming_by_score():
     assert strong["in_set"]["hits"] == 3
     assert strong["set_size"] == pytest.approx((1 + 2 + 1 + 2) / 4)
     assert found["weaker"]["in_set"]["share"] == 0.5
-    assert found["fainter"]["said_none"]["share"] == 0.5
+    assert found["weakest"]["reported_none"]["share"] == 0.5
     assert found["strong_in_truth"]["first"]["count"] == 6
     assert found["weaker_in_truth"]["in_set"]["share"] == 1.0
     assert found["by_effect"]["delay"]["exact"]["share"] == 0.25
@@ -84,7 +84,7 @@ def test_naming_by_score():
 
 @pytest.mark.parametrize("cosine", [0.0, 0.8, 0.98])
 def test_how_often_the_truth_is_first_at_best_is_what_noise_leaves(cosine):
-    """An effect and a rival at an angle, in noise, many times."""
+    """An effect and a competitor at an angle, in noise, many times."""
     rng = np.random.default_rng(1)
     sine = np.sqrt(1 - cosine**2)
     residual = np.array([4.0, 0.0]) + rng.standard_normal((100_000, 2))
@@ -93,15 +93,15 @@ def test_how_often_the_truth_is_first_at_best_is_what_noise_leaves(cosine):
     assert figures(rows)["strong_first_at_best"] == pytest.approx(first, abs=0.006)
 
 
-def test_strangers_count_only_where_the_library_cannot_explain_them():
+def test_the_unmodelled_count_only_where_the_library_cannot_explain_them():
     rows = pairs(
-        (hidden("unknown", "gear_mesh", beyond=200.0), said("unknown", "delay")),
-        (hidden("unknown", "gear_mesh", beyond=200.0), said("effect", "delay")),
-        (hidden("unknown", "gear_mesh", beyond=10.0), said("effect", "delay")),
+        (hidden("unmodelled", "gear_mesh", beyond=200.0), said("unknown", "delay")),
+        (hidden("unmodelled", "gear_mesh", beyond=200.0), said("effect", "delay")),
+        (hidden("unmodelled", "gear_mesh", beyond=10.0), said("effect", "delay")),
     )
-    found = figures(rows)["unknown"]
-    assert found["said_unknown"]["hits"] == found["confidently_wrong"]["hits"] == 1
-    assert found["said_unknown"]["count"] == 2
+    found = figures(rows)["unmodelled"]
+    assert found["reported_unknown"]["hits"] == found["confidently_wrong"]["hits"] == 1
+    assert found["reported_unknown"]["count"] == 2
 
 
 def test_two_at_once():
@@ -116,7 +116,7 @@ def test_two_at_once():
     assert found["pairs"]["both_named"]["hits"] == 2
     assert found["pairs"]["both_first"]["hits"] == 1
     assert (found["pairs"]["precision"]["hits"], found["pairs"]["precision"]["count"]) == (5, 7)
-    assert found["pairs_told_apart"]["both_named"]["count"] == 3
+    assert found["pairs_distinguishable"]["both_named"]["count"] == 3
 
 
 def test_shrinkage_and_size_of_what_was_named_exactly():
@@ -144,9 +144,9 @@ def test_sizes_of_two_parts_are_compared_part_by_part():
 
 
 def test_the_removed_effect_and_the_next_test():
-    alike = said("group", "delay", "speed", next_experiment={"resolves": True, "power": 0.99})
+    group = said("group", "delay", "speed", next_experiment={"resolves": True, "power": 0.99})
     unsure = said("group", "delay", "speed", next_experiment={"resolves": False, "power": 0.49})
-    rows = pairs(*[(hidden("effect", "delay"), one) for one in (alike, alike, alike, alike, unsure)])
+    rows = pairs(*[(hidden("effect", "delay"), one) for one in (group, group, group, group, unsure)])
     after = pairs(
         (hidden("effect", "delay"), said("effect", "delay")),
         (hidden("effect", "delay"), said("group", "delay", "drift")),
@@ -168,7 +168,7 @@ def test_the_removed_effect_and_the_next_test():
     assert found["next_experiment"]["all_expected"] == pytest.approx(0.89)
     assert found["next_tests_run"] == [5, 1]
     assert found["strong_with_next_test"]["exact"]["hits"] == 3
-    assert found["without_the_true_one"]["said_unknown"]["count"] == 2
+    assert found["without_the_true_one"]["reported_unknown"]["count"] == 2
     assert found["without_the_true_one"]["confidently_wrong"]["hits"] == 1
 
 
@@ -178,7 +178,7 @@ def test_confusion_counts_every_campaign_once():
         (hidden("effect", "delay"), said("effect", "delay")),
         (hidden("effect", "speed"), said("effect", "delay")),
         (hidden("effect", "speed"), said("group", "delay", group=["delay", "speed"])),
-        (hidden("unknown", "gear_mesh"), said("unknown")),
+        (hidden("unmodelled", "gear_mesh"), said("unknown")),
         (hidden("pair", "delay", "speed"), said("several", "delay", "speed")),
     )
     down, across, counts = confusion(rows)
@@ -207,14 +207,14 @@ def test_true_shrinkage_comes_from_predictions_where_there_are_any(tmp_path):
 
 
 def test_command_writes_page_figures_and_picture(tmp_path, monkeypatch, capsys):
-    labels, results = tmp_path / "labels.sealed", tmp_path / "results"
+    labels, results = tmp_path / "labels.blinded", tmp_path / "results"
     results.mkdir()
     for name, entry, result in (
         ("a", hidden("none"), said("none")),
         ("b", hidden("effect", "delay"), said("effect", "delay")),
         ("c", hidden("effect", "delay"), None),
     ):
-        seal(labels, name, entry)
+        add_label(labels, name, entry)
         if result:
             (results / f"{name}.json").write_text(json.dumps(result))
     arguments = ["score.py", str(labels), str(results), "--out", str(tmp_path / "report")]

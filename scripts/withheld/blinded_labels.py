@@ -1,4 +1,4 @@
-"""The sealed file: what is hidden in each campaign, one packed line per campaign, opened by the scorer alone."""
+"""The file of blinded labels: what each campaign hides, one packed line per campaign."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-HEADER = "# sealed: what the campaigns hide. Only scripts/withheld/score.py opens this."
+HEADER = "# Blinded labels: what the campaigns hide. scripts/withheld/score.py opens them last."
 
 
-def seal(path: Path, campaign: str, label: dict[str, Any]) -> None:
+def add_label(path: Path, campaign: str, label: dict[str, Any]) -> None:
     """Add the label of a campaign."""
     packed = base64.b64encode(zlib.compress(json.dumps(label, sort_keys=True).encode(), 9)).decode()
     with path.open("a+b") as file:
@@ -22,7 +22,7 @@ def seal(path: Path, campaign: str, label: dict[str, Any]) -> None:
         file.write(((HEADER + "\n" if b"\n" not in before else "") + f"{campaign} {packed}\n").encode())
 
 
-def unseal(path: Path) -> dict[str, dict[str, Any]]:
+def read_labels(path: Path) -> dict[str, dict[str, Any]]:
     """Label by campaign."""
     return {name: json.loads(zlib.decompress(base64.b64decode(packed))) for name, packed in _lines(path).items()}
 

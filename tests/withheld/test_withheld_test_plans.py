@@ -1,12 +1,12 @@
-"""What tests could tell apart at best: from directions of known angles."""
+"""What tests could distinguish at best: from directions of known angles."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from programmes import Tyre, rivals
+from fixed_test_plans import Tyre, competitors
 from rig_tests import sine
-from strength import Ground, chance
+from strength import Ground, ruled_out_probability
 
 
 def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
@@ -22,9 +22,9 @@ def test_a_rival_leaves_the_sine_of_its_angle_beside_the_parameters():
         directions={name: (v[:, None],) for name, v in (("a", a), ("b", b), ("c", c))},
     )
     one = Tyre(place, {"a": 7 * a + 5 * np.eye(4)[0], "c": c})
-    assert rivals(one, {"more_0", "more_1"}) == pytest.approx([0.25, 1.0])
+    assert competitors(one, {"more_0", "more_1"}) == pytest.approx([0.25, 1.0])
     # without the test in which they differ nothing tells a from b
-    assert rivals(one, {"more_1"}) == pytest.approx([0.0, 1.0], abs=1e-12)
+    assert competitors(one, {"more_1"}) == pytest.approx([0.0, 1.0], abs=1e-12)
 
 
 @pytest.mark.parametrize("times", [1, 10])
@@ -36,4 +36,4 @@ def test_the_chance_is_that_of_noisy_data(left, times):
     data = gap + rng.normal(size=(100_000, 2))
     rival = data @ [np.cos(angle), np.sin(angle)]
     named = data[:, 0] ** 2 - rival**2 > 2 * np.log(times)
-    assert chance(np.array([left]), times)[0] == pytest.approx(named.mean(), abs=0.005)
+    assert ruled_out_probability(np.array([left]), times)[0] == pytest.approx(named.mean(), abs=0.005)

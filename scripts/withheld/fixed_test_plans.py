@@ -1,13 +1,14 @@
-"""Which tests a campaign needs for an effect to be named: what a perfect diagnosis could do at best.
+"""Which tests a campaign needs to name an effect: what a perfect diagnosis could distinguish at best.
 
-    python scripts/withheld/programmes.py --out reports/fixed_test_plans/README.md [--specimens 9] [--seed 1]
+    python scripts/withheld/fixed_test_plans.py --out reports/fixed_test_plans/README.md [--specimens 9] [--seed 1]
                                           [--jobs 1]
 
-From the truth alone, and linear (`strength`): an effect of strength S, drawn from 50 to 2,000 on a log scale, is named
-first where its best rival is less probable, and alone where it is less than a tenth as probable. That rival leaves a
-share r of the effect's gap; twice the difference of the log likelihoods is normal with mean r S and variance 4 r S, and
-must exceed 0, and 2 ln 10. Tried are the paper's nine sines, with each sine of a pool besides, and with the best two,
-three and four, one added to the other; of 10 s each, sampled at 100 Hz, those of 16 and 20 Hz of 5 s, at 400 Hz.
+The numbers follow from the truth alone, in the linear model (`strength`). An effect has strength S, drawn from 50 to
+2,000 on a log scale. It is named first where its best competitor is less probable, and alone where that is less than a
+tenth as probable. The competitor leaves a share r of the effect's gap. Twice the difference of the log likelihoods is
+normal with mean r S and variance 4 r S; it must exceed 0, or 2 ln 10. The test plans are the paper's nine sines, alone,
+with each sine of a pool, and with the best two, three and four of them, added one by one. A sine takes 10 s at 100 Hz,
+those of 16 and 20 Hz take 5 s at 400 Hz.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ import numpy as np
 import scipy
 from causes import LIBRARY, draw_cause
 from numpy.typing import NDArray
-from rig_tests import FURTHER, SPEED, further_sine, phases, programme
+from rig_tests import FURTHER, SPEED, further_sine, phases, planned_tests
 from specimen import NOISES, draw_specimen
-from strength import Ground, chance, ground
+from strength import Ground, ground, ruled_out_probability
 
 Array = NDArray[np.float64]
 
@@ -67,15 +68,15 @@ def main() -> None:
     options = parser.parse_args()
     with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
         tyres = list(pool.map(partial(tyre, seed=options.seed), range(options.specimens)))
-    command = f"`python scripts/withheld/programmes.py --specimens {options.specimens} --seed {options.seed}`"
+    command = f"`python scripts/withheld/fixed_test_plans.py --specimens {options.specimens} --seed {options.seed}`"
     made_by = f"{command}; Python {platform.python_version()}, numpy {np.__version__}, scipy {scipy.__version__}"
     options.out.write_text("\n".join(page(tyres, made_by)) + "\n", encoding="utf-8")
 
 
 def tyre(number: int, seed: int) -> Tyre:
-    """A specimen in the programme and in every sine of the pool."""
+    """A specimen in the planned tests and in every sine of the pool."""
     rng = np.random.default_rng([seed, number])
-    specimen, tests = draw_specimen(rng), list(programme(rng, paper=True))
+    specimen, tests = draw_specimen(rng), list(planned_tests(rng, paper=True))
     clock = max(t.start_time + t.duration for t in tests if t.start_time is not None)
     for i, (frequency, amplitude, speed) in enumerate(POOL):
         clock += 30
@@ -99,37 +100,37 @@ def page(tyres: Sequence[Tyre], made_by: str) -> Iterator[str]:
     )
     yield from (f"Written by {made_by}.", "", "| tests | first at best | alone at best |", "|---|---|---|")
     chosen: list[int] = []
-    yield f"| the nine sines | {_percent(chances(tyres, chosen))} |"
+    yield f"| the nine sines | {_percent(probabilities(tyres, chosen))} |"
     for count in range(1, MOST + 1):
-        found = {i: chances(tyres, [*chosen, i]) for i in range(len(POOL)) if i not in chosen}
+        found = {i: probabilities(tyres, [*chosen, i]) for i in range(len(POOL)) if i not in chosen}
         best = max(found, key=lambda i: found[i])
         for i in found if count == 1 else ():
-            yield f"| … and {_told(i)} | {_percent(found[i])} |"
+            yield f"| … and {_sine(i)} | {_percent(found[i])} |"
         chosen.append(best)
-        yield f"| **the best {count} more**: {'; '.join(map(_told, chosen))} | {_percent(found[best])} |"
+        yield f"| **the best {count} more**: {'; '.join(map(_sine, chosen))} | {_percent(found[best])} |"
     own = [POOL.index(of) for of in FURTHER]
-    yield f"| **the campaigns' own**: {'; '.join(map(_told, own))} | {_percent(chances(tyres, own))} |"
-    yield f"| all {len(POOL)} more | {_percent(chances(tyres, range(len(POOL))))} |"
+    yield f"| **the campaigns' own**: {'; '.join(map(_sine, own))} | {_percent(probabilities(tyres, own))} |"
+    yield f"| all {len(POOL)} more | {_percent(probabilities(tyres, range(len(POOL))))} |"
 
 
 def _percent(shares: Sequence[float]) -> str:
     return " | ".join(f"{100 * share:.1f} %" for share in shares)
 
 
-def _told(number: int) -> str:
+def _sine(number: int) -> str:
     frequency, amplitude, speed = POOL[number]
     return f"{frequency:g} Hz, {amplitude:g}° at {3.6 * speed:.0f} km/h"
 
 
-def chances(tyres: Sequence[Tyre], more: Sequence[int]) -> tuple[float, float]:
-    """Mean chance that a strong effect is named first, and alone, with these sines of the pool."""
-    shares = np.concatenate([rivals(one, {f"more_{i}" for i in more}) for one in tyres])
+def probabilities(tyres: Sequence[Tyre], more: Sequence[int]) -> tuple[float, float]:
+    """Mean probability that a strong effect is named first, and alone, with these sines of the pool."""
+    shares = np.concatenate([competitors(one, {f"more_{i}" for i in more}) for one in tyres])
     left = shares[:, None] * STRENGTHS
-    return float(np.mean(chance(left, 1))), float(np.mean(chance(left, 10)))
+    return float(np.mean(ruled_out_probability(left, 1))), float(np.mean(ruled_out_probability(left, 10)))
 
 
-def rivals(one: Tyre, more: Set[str]) -> Array:
-    """Share of each effect's gap that its best rival leaves in the programme and some sines of the pool, (effects,)."""
+def competitors(one: Tyre, more: Set[str]) -> Array:
+    """Share of each effect's gap that its best competitor leaves in the plan and some sines of the pool, (effects,)."""
     kept = np.array([t.name in more or not t.name.startswith("more_") for t in one.place.tests])
     place, rows = one.place.only(kept), one.place.rows(kept)
     gaps = np.stack([gap[rows] for gap in one.gaps.values()], axis=1)
