@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -11,24 +12,16 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Issue:
-    """One error or warning about an input.
-
-    Parameters
-    ----------
-    where
-        The place: file, group, variable, option or parameter.
-    message
-        What was found there, with the value.
-    hint
-        What the user can do about it.
-    severity
-        An ``error`` stops the work, a ``warning`` does not.
-    """
+    """One error or warning about an input."""
 
     where: str
+    """The place: file, group, variable, option or parameter."""
     message: str
+    """What was found there, with the value."""
     hint: str
+    """What the user can do about it."""
     severity: Literal["error", "warning"] = "error"
+    """An ``error`` stops the work, a ``warning`` does not."""
 
     def __str__(self) -> str:
         end = "" if self.hint.endswith("?") else "."
@@ -89,6 +82,11 @@ def check_settings(what: str, settings: object, checks: Iterable[tuple[str, bool
         for name, fine, hint in checks
         if not fine
     )
+
+
+def repeated(names: Iterable[str]) -> list[str]:
+    """Names that occur more than once, sorted."""
+    return sorted(name for name, count in Counter(names).items() if count > 1)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -12,75 +12,51 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a model or an effect, in SI units.
-
-    Parameters
-    ----------
-    name
-        Identifier, as in the model's equations.
-    unit
-        SI unit, e.g. ``"N s/m"``; ``"1"`` if it has none.
-    lower, upper
-        Bounds of the box that is searched.
-    nominal
-        A typical value inside the bounds; used where nothing was identified.
-    scale
-        ``"log"`` for a positive scale parameter (its logarithm is searched), else ``"linear"``.
-    description
-        A few words for tables and reports.
-    neutral
-        For effects: the value at which the effect vanishes.
-    grid
-        For effects: values to try of a parameter that means nothing while the effect is not there.
-    """
+    """One parameter of a model or an effect, in SI units."""
 
     name: str
+    """Identifier, as in the model's equations."""
     unit: str
+    """SI unit, e.g. ``"N s/m"``; ``"1"`` if it has none."""
     lower: float
     upper: float
+    """Bounds of the box that is searched."""
     nominal: float
+    """A typical value inside the bounds; used where nothing was identified."""
     scale: Literal["linear", "log"] = "linear"
+    """``"log"`` for a positive scale parameter (its logarithm is searched), else ``"linear"``."""
     description: str = ""
+    """A few words for tables and reports."""
     neutral: float | None = None
+    """For effects: the value at which the effect vanishes."""
     grid: tuple[float, ...] = ()
+    """For effects: values to try of a parameter that means nothing while the effect is not there."""
 
     def issues(self) -> list[Issue]:
         """Everything that makes this parameter unusable."""
-        where = f"parameter '{self.name}'"
-        found = []
+        box, found = f"[{self.lower:g}, {self.upper:g}]", []
         if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
-            found.append(Issue(where, f"bounds [{self.lower}, {self.upper}] are not finite", "Give finite bounds"))
+            found.append((f"bounds {box} are not finite", "Give finite bounds"))
         elif not self.lower < self.upper:
-            found.append(
-                Issue(
-                    where, f"lower bound {self.lower:g} is not below upper bound {self.upper:g}", "Swap or widen them"
-                )
-            )
+            message = f"lower bound {self.lower:g} is not below upper bound {self.upper:g}"
+            found.append((message, "Swap or widen them"))
         elif not self.lower <= self.nominal <= self.upper:
-            found.append(
-                Issue(
-                    where,
-                    f"nominal value {self.nominal:g} lies outside [{self.lower:g}, {self.upper:g}]",
-                    "Move it inside the bounds",
-                )
-            )
+            found.append((f"nominal value {self.nominal:g} lies outside {box}", "Move it inside the bounds"))
         if self.scale == "log" and not self.lower > 0:
-            found.append(
-                Issue(where, f"a log scale needs a lower bound above 0, got {self.lower:g}", "Raise it or use 'linear'")
-            )
-        special = {"neutral value": () if self.neutral is None else (self.neutral,), "grid value": self.grid}
-        found += [
-            Issue(where, f"{what} {value:g} lies outside [{self.lower:g}, {self.upper:g}]", "Move it inside the bounds")
-            for what, values in special.items()
-            for value in values
-            if not self.lower <= value <= self.upper
-        ]
-        return found
+            message = f"a log scale needs a lower bound above 0, got {self.lower:g}"
+            found.append((message, "Raise it or use 'linear'"))
+        special = [("grid value", value) for value in self.grid]
+        if self.neutral is not None:
+            special.insert(0, ("neutral value", self.neutral))
+        for what, value in special:
+            if not self.lower <= value <= self.upper:
+                found.append((f"{what} {value:g} lies outside {box}", "Move it inside the bounds"))
+        return [Issue(f"parameter '{self.name}'", message, hint) for message, hint in found]
 
 
 @dataclass(frozen=True)
@@ -100,8 +76,10 @@ class ParameterSpace:
 
     def __post_init__(self) -> None:
         issues = [issue for parameter in self.parameters for issue in parameter.issues()]
-        for name in {n for n in self.names if self.names.count(n) > 1}:
-            issues.append(Issue(f"parameter '{name}'", "the name is used twice", "Rename one of them"))
+        issues += [
+            Issue(f"parameter '{name}'", "the name is used twice", "Rename one of them")
+            for name in repeated(self.names)
+        ]
         raise_errors(issues)
 
     def __len__(self) -> int:
@@ -196,15 +174,6 @@ class ParameterSpace:
 class ParameterLayout:
     """All parameters of a system in its order: free ones with their unit cube, the others at fixed values.
 
-    Parameters
-    ----------
-    names
-        All p parameters, in the order in which the system takes them.
-    space
-        The d free ones.
-    fixed
-        Value of every other one; names that the system does not have are ignored.
-
     Raises
     ------
     InputError
@@ -212,8 +181,11 @@ class ParameterLayout:
     """
 
     names: tuple[str, ...]
+    """All p parameters, in the order in which the system takes them."""
     space: ParameterSpace
+    """The d free ones."""
     fixed: Mapping[str, float]
+    """Value of every other one; names that the system does not have are ignored."""
 
     def __post_init__(self) -> None:
         known = {*self.space.names, *self.fixed}

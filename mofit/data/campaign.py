@@ -11,34 +11,13 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.quantities import EXCITATION_KINDS, INTERPOLATIONS, known_unit
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """The definition of a test: its excitation and conditions, without any measured output.
-
-    Parameters
-    ----------
-    name
-        Name of the test, unique in its campaign.
-    kind
-        One of `mofit.quantities.EXCITATION_KINDS`.
-    time
-        Uniform time grid, shape (n,), in s.
-    inputs
-        Input channels over ``time``, shape (n,) each, in SI units.
-    conditions
-        Constants of the test (load, speed …) in SI units; those of the campaign included.
-    frequency, amplitude
-        The label of a periodic test: Hz, and the input's unit. True values are found from the data.
-    start_time
-        Time since the campaign began, in s.
-    interpolation
-        How inputs run between samples: ``"cubic"`` or ``"linear"``; by default linear for a step.
-    transient
-        Time at the start that is not used, in s, where the test states it; else it is found from the data.
 
     Raises
     ------
@@ -47,15 +26,24 @@ class Experiment:
     """
 
     name: str
+    """Name of the test, unique in its campaign."""
     kind: str
+    """One of `mofit.quantities.EXCITATION_KINDS`."""
     time: FloatArray
+    """Uniform time grid, shape (n,), in s."""
     inputs: Mapping[str, FloatArray]
+    """Input channels over ``time``, shape (n,) each, in SI units."""
     conditions: Mapping[str, float] = field(default_factory=dict)
+    """Constants of the test (load, speed …) in SI units; those of the campaign included."""
     frequency: float | None = None
     amplitude: float | None = None
+    """The label of a periodic test: Hz, and the input's unit. True values are found from the data."""
     start_time: float | None = None
+    """Time since the campaign began, in s."""
     interpolation: str = ""
+    """How inputs run between samples: ``"cubic"`` or ``"linear"``; by default linear for a step."""
     transient: float | None = None
+    """Time at the start that is not used, in s, where the test states it; else it is found from the data."""
 
     def __post_init__(self) -> None:
         if not self.interpolation:
@@ -130,21 +118,6 @@ class Measurement:
 class Campaign:
     """The measurements of one specimen.
 
-    Parameters
-    ----------
-    title
-        What was tested.
-    source
-        ``"measured"`` or ``"simulated"``.
-    conditions
-        Constants that hold for all tests, in SI units; a test's own take precedence.
-    measurements
-        The tests, in order; they get the campaign's conditions merged in.
-    attributes
-        Free text, stored in the file.
-    units
-        SI unit of conditions that `mofit.quantities` does not know.
-
     Raises
     ------
     InputError
@@ -152,17 +125,23 @@ class Campaign:
     """
 
     title: str
+    """What was tested."""
     source: str
+    """``"measured"`` or ``"simulated"``."""
     conditions: Mapping[str, float]
+    """Constants that hold for all tests, in SI units; a test's own take precedence."""
     measurements: tuple[Measurement, ...]
+    """The tests, in order; they get the campaign's conditions merged in."""
     attributes: Mapping[str, Any] = field(default_factory=dict)
+    """Free text, stored in the file."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """SI unit of conditions that `mofit.quantities` does not know."""
 
     def __post_init__(self) -> None:
         where = f"campaign '{self.title}'"
         issues = [
             Issue(where, f"the test name '{name}' is used twice", "Rename one of them")
-            for name in sorted({name for name in self.tests if self.tests.count(name) > 1})
+            for name in repeated(self.tests)
         ]
         if self.source not in ("measured", "simulated"):
             issues.append(Issue(where, f"source is '{self.source}'", "Set it to 'measured' or 'simulated'"))

@@ -62,62 +62,40 @@ class Stage:
 
 @dataclass(frozen=True)
 class MaxwellBranch:
-    """A spring and a damper in series, named by their parameters.
-
-    Parameters
-    ----------
-    stiffness, damping
-        Names of the branch's parameters.
-    parallel
-        Names of the stiffness and the damping in parallel with the branch.
-    part
-        What spring, damper and branch form together.
-    """
+    """A spring and a damper in series, named by their parameters."""
 
     stiffness: str
     damping: str
+    """Names of the branch's parameters."""
     parallel: tuple[str, str]
+    """Names of the stiffness and the damping in parallel with the branch."""
     part: str
+    """What spring, damper and branch form together."""
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Right-hand side of a model.
-
-    Parameters
-    ----------
-    outputs
-        Expression per output channel.
-    derivatives
-        Time derivative per state.
-    initial
-        Initial value per state as an expression of inputs (their first sample), parameters and
-        conditions; states not named start at 0.
-    """
+    """Right-hand side of a model."""
 
     outputs: Mapping[str, ca.SX]
+    """Expression per output channel."""
     derivatives: Mapping[str, ca.SX] = field(default_factory=dict)
+    """Time derivative per state."""
     initial: Mapping[str, ca.SX] = field(default_factory=dict)
+    """Initial value per state as an expression of inputs (their first sample), parameters and conditions; states not
+    named start at 0."""
 
 
 @dataclass(frozen=True)
 class Applied:
-    """A quantity with an effect.
-
-    Parameters
-    ----------
-    value
-        The quantity.
-    derivatives, initial
-        Time derivatives and initial values of the effect's own states.
-    inputs
-        Inputs that change along with an input (its derivative, say).
-    """
+    """A quantity with an effect."""
 
     value: ca.SX
     derivatives: Mapping[str, ca.SX] = field(default_factory=dict)
     initial: Mapping[str, ca.SX] = field(default_factory=dict)
+    """Time derivatives and initial values of the effect's own states."""
     inputs: Mapping[str, ca.SX] = field(default_factory=dict)
+    """Inputs that change along with an input (its derivative, say)."""
 
 
 class Symbols:

@@ -9,26 +9,14 @@ from typing import Any
 
 import casadi as ca
 
-from mofit.errors import InputError, Issue, MofitError, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, MofitError, did_you_mean, raise_errors, repeated
 from mofit.models.effect import ExtendedModel
 from mofit.models.model import Equations, Model, Symbols
 
 
 @dataclass(frozen=True)
 class System:
-    """A model in vector form. Vectors are ordered as the name tuples.
-
-    Parameters
-    ----------
-    states, inputs, parameters, conditions, outputs
-        Names.
-    rhs
-        ``(x, u, p, c) -> xdot``
-    out
-        ``(x, u, p, c) -> y``
-    initial
-        ``(u, p, c) -> x0`` with the first sample of the inputs.
-    """
+    """A model in vector form; the vectors are ordered as the names."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -36,8 +24,11 @@ class System:
     conditions: tuple[str, ...]
     outputs: tuple[str, ...]
     rhs: ca.Function
+    """``(x, u, p, c) -> xdot``"""
     out: ca.Function
+    """``(x, u, p, c) -> y``"""
     initial: ca.Function
+    """``(u, p, c) -> x0`` with the first sample of the inputs."""
 
     def hash(self) -> str:
         """Hash of the equations; it changes with anything that can change a number."""
@@ -64,7 +55,7 @@ def build_system(model: Model) -> System:
     names = [name for group in groups.values() for name in group]
     raise_errors(
         Issue(where, f"the name '{name}' is declared twice", "Rename one of them")
-        for name in sorted({name for name in names if names.count(name) > 1})
+        for name in repeated(names)
     )
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()

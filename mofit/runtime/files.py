@@ -31,6 +31,12 @@ def atomic_path(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in UTF-8, atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def _sync(path: Path) -> None:
     handle = os.open(path, os.O_RDONLY)
     try:
@@ -42,17 +48,10 @@ def _sync(path: Path) -> None:
 def read_tree(path: Path, hint: str) -> xr.DataTree:
     """All of a netCDF-4 file in memory; the file is closed again. Times are not decoded.
 
-    Parameters
-    ----------
-    path
-        The file.
-    hint
-        What the user can do if it is damaged.
-
     Raises
     ------
     InputError
-        If there is no such file, or it cannot be read.
+        If there is no such file, or it cannot be read; with the ``hint`` if it is damaged.
     """
     where = f"file '{path.name}'"
     if not path.is_file():
@@ -74,17 +73,7 @@ def read_tree(path: Path, hint: str) -> xr.DataTree:
 
 
 def write_tree(tree: xr.DataTree, path: Path, level: int) -> None:
-    """Write a netCDF-4 file, atomically; long numeric variables are compressed with byte shuffle.
-
-    Parameters
-    ----------
-    tree
-        What to write.
-    path
-        The file.
-    level
-        Of the compression (deflate), 1 to 9.
-    """
+    """Write a netCDF-4 file, atomically; long numeric variables are deflated (``level`` 1 to 9) with byte shuffle."""
     packed = {"zlib": True, "complevel": level, "shuffle": True}
     encoding = {
         node.path: {

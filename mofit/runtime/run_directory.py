@@ -9,12 +9,14 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from mofit.errors import InputError
+from mofit.runtime.files import write_text
 
-PARTIAL = ".partial"
+_PARTIAL = ".partial"
 CONFIGURATION = "configuration.json"
 
 
@@ -40,16 +42,14 @@ class RunFolder:
         self.partial.mkdir(parents=True, exist_ok=True)
         record = self.partial / CONFIGURATION
         if not record.exists():
-            temporary = record.with_suffix(".tmp")
-            temporary.write_text(json.dumps(configuration, indent=1, sort_keys=True))
-            os.replace(temporary, record)
+            write_text(record, json.dumps(configuration, indent=1, sort_keys=True))
         try:
             yield self.partial
         except InputError:
             if new:
                 shutil.rmtree(self.partial)
             raise
-        (self.partial / CONFIGURATION).unlink()
+        record.unlink()
         os.replace(self.partial, self.target)
 
 
@@ -79,20 +79,30 @@ def plan_folder(out: Path | None, stem: str, configuration: Mapping[str, Any], *
         if folder.target.exists():
             raise InputError.of(f"--out {out}", "exists already", "Choose another folder, or remove it")
         if folder.partial.exists():
-            raise InputError.of(
-                f"--out {out}", "an interrupted run is there", f"Add --resume, or remove {folder.partial}"
-            )
+            hint = f"Add --resume, or remove {folder.partial}"
+            raise InputError.of(f"--out {out}", "an interrupted run is there", hint)
         return folder
-    number = 1
-    while True:
-        folder = _folder(Path("runs") / (stem if number == 1 else f"{stem}-{number}"))
-        if not folder.target.exists() and not folder.partial.exists():
-            return folder
-        number += 1
+    names = (stem if number == 1 else f"{stem}-{number}" for number in count(1))
+    folders = (_folder(Path("runs") / name) for name in names)
+    return next(folder for folder in folders if not folder.target.exists() and not folder.partial.exists())
+
+
+def differing_settings(record: Path, configuration: Mapping[str, Any]) -> list[str]:
+    """Names of the settings that differ from those in a record of earlier work; none without a record."""
+    if not record.exists():
+        return []
+    earlier = json.loads(record.read_text(encoding="utf-8"))
+    now = json.loads(json.dumps(configuration))
+    return sorted(key for key in {*earlier, *now} if earlier.get(key) != now.get(key))
+
+
+def partial_folder(target: Path) -> Path:
+    """Where a run that ends up in ``target`` is worked on."""
+    return target.with_name(target.name + _PARTIAL)
 
 
 def _folder(target: Path) -> RunFolder:
-    return RunFolder(target, target.with_name(target.name + PARTIAL))
+    return RunFolder(target, partial_folder(target))
 
 
 def _interrupted(out: Path | None, stem: str, configuration: Mapping[str, Any]) -> RunFolder:
@@ -100,30 +110,14 @@ def _interrupted(out: Path | None, stem: str, configuration: Mapping[str, Any]) 
         folder = _folder(out)
         if not folder.partial.exists():
             raise InputError.of(f"--out {out}", "there is no interrupted run to resume", "Leave --resume out")
-        differing = _difference(folder.partial, configuration)
-        if differing:
-            raise InputError.of(
-                f"--resume {out}",
-                f"the interrupted run was started with other settings ({', '.join(differing)})",
-                "Give the same options and file, or start a new run with another --out",
-            )
+        if differing := differing_settings(folder.partial / CONFIGURATION, configuration):
+            message = f"the interrupted run was started with other settings ({', '.join(differing)})"
+            hint = "Give the same options and file, or start a new run with another --out"
+            raise InputError.of(f"--resume {out}", message, hint)
         return folder
-    candidates = sorted(Path("runs").glob(f"{stem}*{PARTIAL}"), key=lambda path: path.stat().st_mtime, reverse=True)
+    candidates = sorted(Path("runs").glob(f"{stem}*{_PARTIAL}"), key=lambda path: path.stat().st_mtime, reverse=True)
     for partial in candidates:
-        if not _difference(partial, configuration):
-            return RunFolder(partial.with_name(partial.name.removesuffix(PARTIAL)), partial)
-    raise InputError.of(
-        "--resume",
-        f"no interrupted run with these settings under runs/ ({stem})",
-        "Name it with --out, or leave --resume out",
-    )
-
-
-def _difference(partial: Path, configuration: Mapping[str, Any]) -> list[str]:
-    """Names of the settings that differ from those of an interrupted run."""
-    record = partial / CONFIGURATION
-    if not record.exists():
-        return []
-    earlier = json.loads(record.read_text())
-    now = json.loads(json.dumps(configuration))
-    return sorted(key for key in {*earlier, *now} if earlier.get(key) != now.get(key))
+        if not differing_settings(partial / CONFIGURATION, configuration):
+            return RunFolder(partial.with_name(partial.name.removesuffix(_PARTIAL)), partial)
+    message = f"no interrupted run with these settings under runs/ ({stem})"
+    raise InputError.of("--resume", message, "Name it with --out, or leave --resume out")

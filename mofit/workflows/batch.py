@@ -11,11 +11,12 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model
-from mofit.runtime.files import atomic_path
+from mofit.runtime.files import write_text
 from mofit.runtime.progress import Progress, silent
+from mofit.runtime.run_directory import differing_settings
 from mofit.workflows.batch_tasks import WORK, Row, Task, decided_by, work
 
 RECORD, TABLE, PAGE = "batch.json", "table.csv", "batch.html"
@@ -26,35 +27,24 @@ DIED = "its process was ended from outside (too little memory?)"
 
 @dataclass(frozen=True)
 class BatchJob:
-    """A batch in a user's words.
-
-    Parameters
-    ----------
-    places
-        Folders of campaigns, or campaigns.
-    out
-        Folder for runs, rows, table and page; a batch in it is resumed.
-    what
-        ``"identify"`` or ``"diagnose"``.
-    model, effects, settings
-        As for the single command; every task runs in one thread.
-    processes
-        Processes of this machine.
-    scheduler
-        Address of a Dask scheduler; its workers replace the processes.
-    patience
-        Seconds to wait for the scheduler's answer.
-    """
+    """A batch in a user's words."""
 
     places: tuple[Path, ...]
+    """Folders of campaigns, or campaigns."""
     out: Path
+    """Folder for runs, rows, table and page; a batch in it is resumed."""
     what: str = "identify"
+    """``"identify"`` or ``"diagnose"``."""
     model: str | None = None
     effects: tuple[str, ...] = ()
     settings: Settings = field(default_factory=Settings)
+    """As for the single command; every task runs in one thread."""
     processes: int = 1
+    """Processes of this machine."""
     scheduler: str | None = None
+    """Address of a Dask scheduler; its workers replace the processes."""
     patience: float = 15.0
+    """Seconds to wait for the scheduler's answer."""
 
 
 def run_batch(job: BatchJob, progress: Progress = silent) -> list[Row]:
@@ -85,11 +75,11 @@ def run_batch(job: BatchJob, progress: Progress = silent) -> list[Row]:
     decided = decided_by(tasks[0])
     require_same(job.out, out / RECORD, decided)
     (out / "rows").mkdir(parents=True, exist_ok=True)
-    with atomic_path(out / RECORD) as temporary:
-        temporary.write_text(json.dumps(decided, indent=1) + "\n", encoding="utf-8")
+    write_text(out / RECORD, json.dumps(decided, indent=1) + "\n")
     rows: dict[str, Row] = {}
     progress(job.what, 0, len(tasks), "")
-    for row in _finished(job, tasks):
+    finished = on_cluster(tasks, job.scheduler, job.patience) if job.scheduler else locally(tasks, job.processes)
+    for row in finished:
         rows[row.name] = row
         progress(job.what, len(rows), len(tasks), f"{row.name}: {row.state}")
     ordered = [rows[task.name] for task in tasks]
@@ -98,12 +88,6 @@ def run_batch(job: BatchJob, progress: Progress = silent) -> list[Row]:
     write_table(ordered, job.what, out / TABLE)
     write_page(ordered, job.what, out / PAGE)
     return ordered
-
-
-def _finished(job: BatchJob, tasks: Sequence[Task]) -> Iterator[Row]:
-    if job.scheduler is not None:
-        return on_cluster(tasks, job.scheduler, job.patience)
-    return locally(tasks, job.processes)
 
 
 def find_campaigns(places: Sequence[Path]) -> dict[str, Path]:
@@ -121,40 +105,26 @@ def find_campaigns(places: Sequence[Path]) -> dict[str, Path]:
         if place.is_dir():
             found = sorted(path for path in place.iterdir() if path.suffix.lower() in SUFFIXES)
         if not found:
-            what = f"no file that ends in {', '.join(SUFFIXES)}" if place.is_dir() else "no such file or folder"
-            issues.append(Issue(str(place), what, "Name folders of campaigns, or campaigns"))
+            message = f"no file that ends in {', '.join(SUFFIXES)}" if place.is_dir() else "no such file or folder"
+            issues.append(Issue(str(place), message, "Name folders of campaigns, or campaigns"))
         files += found
     names = [path.stem for path in files]
     issues += [
-        Issue(f"campaign '{name}'", "two files have this name", "Rename one of them")
-        for name in sorted({name for name in names if names.count(name) > 1})
+        Issue(f"campaign '{name}'", "two files have this name", "Rename one of them") for name in repeated(names)
     ]
     if not places:
-        issues.append(Issue("DIR", "none is given", "Name a folder of campaigns"))
+        issues.append(Issue("PLACES", "none is given", "Name folders of campaigns, or campaigns"))
     raise_errors(issues)
     return dict(zip(names, files, strict=True))
 
 
 def require_same(out: Path, record: Path, now: Mapping[str, Any]) -> None:
-    """Refuse a folder in which a batch with other settings was made.
-
-    Raises
-    ------
-    InputError
-        With the names of the settings that differ.
-    """
-    if not record.exists():
-        if out.exists() and any(out.iterdir()):
-            raise InputError.of(f"--out {out}", "exists already and holds no batch", "Choose another folder")
-        return
-    earlier = json.loads(record.read_text(encoding="utf-8"))
-    differing = sorted(key for key in {*earlier, *now} if earlier.get(key) != now.get(key))
-    if differing:
-        raise InputError.of(
-            f"--out {out}",
-            f"a batch with other settings is there ({', '.join(differing)})",
-            "Give the same options to resume it, or another folder",
-        )
+    """Refuse a folder that holds something else, or a batch with other settings; names those that differ."""
+    if not record.exists() and out.exists() and any(out.iterdir()):
+        raise InputError.of(f"--out {out}", "exists already and holds no batch", "Choose another folder")
+    if differing := differing_settings(record, now):
+        message = f"a batch with other settings is there ({', '.join(differing)})"
+        raise InputError.of(f"--out {out}", message, "Give the same options to resume it, or another folder")
 
 
 def locally(tasks: Sequence[Task], processes: int) -> Iterator[Row]:
@@ -198,9 +168,8 @@ def on_cluster(tasks: Sequence[Task], scheduler: str, patience: float) -> Iterat
     try:
         client = Client(scheduler, timeout=patience)
     except (OSError, ValueError, TimeoutError) as error:
-        raise InputError.of(
-            f"--scheduler {scheduler}", f"no scheduler answers ({error})", "Check the address"
-        ) from None
+        message = f"no scheduler answers ({error})"
+        raise InputError.of(f"--scheduler {scheduler}", message, "Check the address") from None
     with client:
         futures = {client.submit(work, task, pure=False): task for task in tasks}
         for future in finished(futures):

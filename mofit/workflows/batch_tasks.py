@@ -17,8 +17,8 @@ from mofit.errors import InputError
 from mofit.identification.settings import Settings
 from mofit.quantities import CONDITIONS
 from mofit.results import open_result, summary
-from mofit.runtime.files import atomic_path
-from mofit.runtime.run_directory import PARTIAL
+from mofit.runtime.files import write_text
+from mofit.runtime.run_directory import partial_folder
 from mofit.workflows.jobs import Job, diagnose_file, identify_file
 
 State = Literal["done", "not converged", "failed"]
@@ -26,26 +26,16 @@ State = Literal["done", "not converged", "failed"]
 
 @dataclass(frozen=True)
 class Task:
-    """The work on one campaign.
-
-    Parameters
-    ----------
-    name
-        Its name in the table.
-    file
-        The campaign's file. On a cluster, all workers must see it under this path.
-    out
-        Folder of the batch; the run is written to ``out/name``, its row to ``out/rows/name.json``.
-    what
-        ``"identify"`` or ``"diagnose"``.
-    model, effects, settings
-        As for these.
-    """
+    """The work on one campaign."""
 
     name: str
+    """Its name in the table."""
     file: Path
+    """The campaign's file. On a cluster, all workers must see it under this path."""
     out: Path
+    """Folder of the batch; the run is written to ``out/name``, its row to ``out/rows/name.json``."""
     what: str
+    """``"identify"`` or ``"diagnose"``."""
     model: str | None
     effects: tuple[str, ...]
     settings: Settings
@@ -67,34 +57,22 @@ class Task:
 
 @dataclass(frozen=True)
 class Row:
-    """The result of one campaign.
-
-    Parameters
-    ----------
-    name, file
-        As in the task.
-    state
-        ``"done"``, ``"not converged"`` or ``"failed"``.
-    message
-        Why it failed, or is not converged.
-    conditions
-        Conditions that hold for all of its tests, in SI units.
-    units
-        Of the conditions.
-    summary
-        What ``--json`` of the command prints; empty where it failed.
-    key
-        See `Task.key`.
-    """
+    """The result of one campaign."""
 
     name: str
     file: str
     state: State
+    """``"done"``, ``"not converged"`` or ``"failed"``."""
     message: str = ""
+    """Why it failed, or is not converged."""
     conditions: Mapping[str, float] = field(default_factory=dict)
+    """Conditions that hold for all of its tests, in SI units."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Of the conditions."""
     summary: Mapping[str, Any] = field(default_factory=dict)
+    """What ``--json`` of the command prints; empty where it failed."""
     key: str = ""
+    """See `Task.key`."""
 
     @property
     def parameters(self) -> dict[str, dict[str, Any]]:
@@ -105,8 +83,7 @@ class Row:
     def write(self, path: Path) -> None:
         """Write the row, atomically."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+        write_text(path, json.dumps(asdict(self), indent=1) + "\n")
 
 
 def read_row(path: Path) -> Row | None:
@@ -118,13 +95,8 @@ def read_row(path: Path) -> Row | None:
 
 
 def decided_by(task: Task) -> dict[str, Any]:
-    """All that decides the numbers beside the campaign."""
-    return {
-        "what": task.what,
-        "model": task.model,
-        "effects": list(task.effects),
-        **json.loads(json.dumps(task.settings.deciding())),
-    }
+    """All that decides the numbers beside the campaign, as JSON takes it."""
+    return {"what": task.what, "model": task.model, "effects": task.effects, **task.settings.deciding()}
 
 
 # matplotlib's settings are those of the process: a worker with several threads draws one page at a time
@@ -166,9 +138,8 @@ def _kept(task: Task, empty: Row) -> Row | None:
     if row is None or row.state == "failed" or not task.folder.exists():
         return None
     if row.key != empty.key:
-        raise InputError.of(
-            f"campaign '{task.name}'", "has changed since its run", f"Remove {task.folder} to run it again"
-        )
+        hint = f"Remove {task.folder} to run it again"
+        raise InputError.of(f"campaign '{task.name}'", "has changed since its run", hint)
     return row
 
 
@@ -185,19 +156,15 @@ def _finished(row: Row, found: dict[str, Any]) -> Row:
 def _identify(task: Task) -> dict[str, Any]:
     if task.folder.exists():  # finished, and ended before its row was written
         return summary(open_result(task.folder), task.folder)
-    resume = _partial(task.folder).exists()
+    resume = partial_folder(task.folder).exists()
     job = Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder, resume=resume)
     return identify_file(job)[1]
 
 
 def _diagnose(task: Task) -> dict[str, Any]:
-    for left in (task.folder, _partial(task.folder)):
+    for left in (task.folder, partial_folder(task.folder)):
         shutil.rmtree(left, ignore_errors=True)
     return diagnose_file(Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder))[1]
-
-
-def _partial(folder: Path) -> Path:
-    return folder.with_name(folder.name + PARTIAL)
 
 
 #: what is done with a campaign, by the name of the command

@@ -10,6 +10,7 @@ from mofit.data import Campaign, bundled_campaign, read_campaign
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.identification.identify import Settings, identify
 from mofit.models import Model, default_model, find_effect, find_model, with_effects
+from mofit.quantities import EXCITATION_KINDS
 from mofit.results import summary
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import plan_folder
@@ -20,45 +21,27 @@ FREQUENCY_TOLERANCE = 1e-3
 
 @dataclass(frozen=True)
 class Job:
-    """An identification or a diagnosis in a user's words.
-
-    Parameters
-    ----------
-    file
-        Campaign file; None means the bundled campaign.
-    model, effects
-        Names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide. A diagnosis
-        takes the effects as candidates.
-    frequencies, tests
-        Frequencies (Hz) and names of the tests to use; all that the model can use where both are empty.
-    settings
-        Settings of the identification.
-    out
-        Folder to write; None means the next free one under ``runs/``.
-    resume
-        Resume an interrupted identification.
-    """
+    """An identification or a diagnosis in a user's words."""
 
     file: Path | None = None
+    """Campaign file; None means the bundled campaign."""
     model: str | None = None
     effects: tuple[str, ...] = ()
+    """Names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide. A diagnosis
+    takes the effects as candidates."""
     frequencies: tuple[float, ...] = ()
     tests: tuple[str, ...] = ()
+    """Frequencies (Hz) and names of the tests to use; all that the model can use where both are empty."""
     settings: Settings = field(default_factory=Settings)
+    """Settings of the identification."""
     out: Path | None = None
+    """Folder to write; None means the next free one under ``runs/``."""
     resume: bool = False
+    """Resume an interrupted identification."""
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
-    """Read, identify, write the run folder and its report.
-
-    Returns
-    -------
-    folder
-        The run's folder.
-    summary
-        What ``--json`` prints.
-    """
+    """Read, identify, write the run folder and its report; returns the folder and what ``--json`` prints."""
     campaign, chosen = _inputs(job, progress)
     model = with_effects(chosen, *(find_effect(name) for name in job.effects))
     tests = _tests(campaign, model, job)
@@ -69,15 +52,7 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
 
 
 def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
-    """Read, diagnose, write ``diagnosis.html`` and ``diagnosis.json`` into a folder; see `diagnose`.
-
-    Returns
-    -------
-    folder
-        The folder.
-    summary
-        What ``--json`` prints.
-    """
+    """Read, diagnose, write page and ``diagnosis.json``; returns the folder and what ``--json`` prints."""
     from mofit.diagnosis.diagnose import diagnose
     from mofit.diagnosis.pages import write_diagnosis
     from mofit.diagnosis.result import summary as plain
@@ -93,46 +68,27 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     return folder.target, plain(found)
 
 
-def model_for(campaign: Campaign) -> Model:
-    """The default model for a campaign's channels.
-
-    Raises
-    ------
-    InputError
-        If there is none, or more than one.
-    """
-    channels = {name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs)}
-    return default_model(channels)
-
-
 def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:
-    """Campaign and model, without effects."""
+    """Campaign and model, without effects; by default the model that fits the campaign's channels."""
     if job.file is None:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
     campaign = read_campaign(bundled_campaign() if job.file is None else job.file)
-    return campaign, find_model(job.model) if job.model else model_for(campaign)
+    if job.model:
+        return campaign, find_model(job.model)
+    return campaign, default_model(name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs))
 
 
 def _tests(campaign: Campaign, model: Model, job: Job) -> tuple[str, ...]:
     """Names of the tests of the job's frequencies, and of those it names."""
+    labels = {m.name: m.experiment.frequency for m in campaign.measurements if m.experiment.frequency is not None}
+    kinds = model.excitations or EXCITATION_KINDS
     tests: list[str] = []
     for frequency in job.frequencies:
-        found = [
-            m.name
-            for m in campaign.measurements
-            if m.experiment.frequency is not None
-            and abs(m.experiment.frequency - frequency) <= FREQUENCY_TOLERANCE * frequency
-            and (not model.excitations or m.kind in model.excitations)
-        ]
+        near = [name for name, label in labels.items() if abs(label - frequency) <= FREQUENCY_TOLERANCE * frequency]
+        found = [name for name in near if campaign[name].kind in kinds]
         if not found:
-            known = sorted(
-                {m.experiment.frequency for m in campaign.measurements if m.experiment.frequency is not None}
-            )
-            raise InputError.of(
-                f"--freq {frequency:g}",
-                "no test has this frequency",
-                f"The campaign has {', '.join(f'{f:g}' for f in known)} Hz",
-            )
+            hint = f"The campaign has {', '.join(f'{label:g}' for label in sorted(set(labels.values())))} Hz"
+            raise InputError.of(f"--freq {frequency:g}", "no test has this frequency", hint)
         tests += found
     raise_errors(
         Issue(f"--test {name}", "the campaign has no such test", did_you_mean(name, campaign.tests))

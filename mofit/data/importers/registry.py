@@ -48,38 +48,26 @@ LIMITS = ImportLimits()
 
 @dataclass(frozen=True)
 class ImportFormat:
-    """A file format, as its module in `mofit.data.importers.formats` declares it.
-
-    Parameters
-    ----------
-    name
-        For messages and tables: ``"MAT"``.
-    versions
-        Which versions of it are read; may be empty.
-    endings
-        Endings of file names, with the point.
-    columns, units
-        For the docs: what becomes a column, and where its unit comes from.
-    read
-        Reads a file. It raises `InputError`; in a contained process it may raise anything.
-    contained
-        Whether a library parses it, which a damaged file may hang or crash: it is then read in a process of its own.
-    recognises
-        Whether the first bytes are of this format, for files that have the ending of another one.
-    package, extra
-        Python package that reads it, and the extra of mofit that installs it.
-    """
+    """A file format, as its module in `mofit.data.importers.formats` declares it."""
 
     name: str
+    """For messages and tables: ``"MAT"``."""
     versions: str
+    """Which versions of it are read; may be empty."""
     endings: tuple[str, ...]
+    """Endings of file names, with the point."""
     columns: str
     units: str
+    """For the docs: what becomes a column, and where its unit comes from."""
     read: Callable[[Path], Columns]
+    """Reads a file. It raises `InputError`; in a contained process it may raise anything."""
     contained: bool = False
+    """Whether a library parses it, which a damaged file may hang or crash: it is then read in a process of its own."""
     recognises: Callable[[bytes], bool] | None = None
+    """Whether the first bytes are of this format, for files that have the ending of another one."""
     package: str = ""
     extra: str = ""
+    """Python package that reads it, and the extra of mofit that installs it."""
 
 
 @cache

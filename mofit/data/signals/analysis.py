@@ -42,34 +42,23 @@ STEADY_STATE = SteadyStateSettings()
 
 @dataclass(frozen=True)
 class SignalAnalysis:
-    """Period, transient and noise of a test.
-
-    Parameters
-    ----------
-    period
-        In s, found from the input; None if it does not repeat.
-    periods
-        Whole periods between transient and tail.
-    transient
-        Time at the start that is not used, in s.
-    tail
-        Time at the end in which a periodic test no longer repeats (the rig has stopped), in s.
-    noise_sd
-        Standard deviation of the noise of every channel, in its unit.
-    noise_method
-        How it was found, for the last output: ``"period to period"``, ``"overlap of periods"``,
-        ``"smoothing residual"`` or ``"top of spectrum"`` (a lower bound).
-    noise_floor
-        Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach.
-    """
+    """Period, transient and noise of a test."""
 
     period: float | None
+    """In s, found from the input; None if it does not repeat."""
     periods: int
+    """Whole periods between transient and tail."""
     transient: float
+    """Time at the start that is not used, in s."""
     tail: float
+    """Time at the end in which a periodic test no longer repeats (the rig has stopped), in s."""
     noise_sd: Mapping[str, float]
+    """Standard deviation of the noise of every channel, in its unit."""
     noise_method: str
+    """How it was found, for the last output: ``"period to period"``, ``"overlap of periods"``, ``"smoothing residual"``
+    or ``"top of spectrum"`` (a lower bound)."""
     noise_floor: Mapping[str, float]
+    """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
 
 
 @lru_cache(maxsize=_CACHED)

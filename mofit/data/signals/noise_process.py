@@ -47,27 +47,18 @@ SETTINGS = SpectrumSettings()
 
 @dataclass(frozen=True)
 class NoiseProcess:
-    r"""Noise :math:`e_i = g_i n_i` with a stationary process n of spectrum S.
-
-    Parameters
-    ----------
-    level
-        g, shape (n,), root mean square 1.
-    spectrum
-        S on the bins of the real FFT, shape (n // 2 + 1,); variance of white noise.
-    degrees_of_freedom
-        Of every bin's estimate.
-    harmonics
-        Bins of the fundamental and its harmonics; none for records that do not repeat.
-    harmonic_power
-        Power :math:`|R_k|^2 / n` of the whole residual there.
-    """
+    r"""Noise :math:`e_i = g_i n_i` with a stationary process n of spectrum S."""
 
     level: FloatArray
+    """Level g of the samples, shape (n,), root mean square 1."""
     spectrum: FloatArray
+    """S on the bins of the real FFT, shape (n // 2 + 1,); variance of white noise."""
     degrees_of_freedom: FloatArray
+    """Of every bin's estimate."""
     harmonics: NDArray[np.int64]
+    """Bins of the fundamental and its harmonics; none for records that do not repeat."""
     harmonic_power: FloatArray
+    """Power :math:`|R_k|^2 / n` of the whole residual there."""
 
     @property
     def count(self) -> int:
