@@ -1,4 +1,8 @@
-"""Plots of a result, each in one axes that is taken and returned: for notebooks, papers and comparisons."""
+"""Plots of a result, each in one axes that is taken and returned: for notebooks, papers and comparisons.
+
+Each function takes a result ``tree`` (`mofit.open`) and the axes ``ax`` to draw into, by default the current ones of
+pyplot. It returns the axes, for more. A name that the run does not hold raises `InputError`.
+"""
 
 from __future__ import annotations
 
@@ -17,26 +21,12 @@ from mofit.report.overlay import Overlay, extract_overlays, output_unit
 from mofit.report.run import Mode, Run
 from mofit.report.search import draw_search, extract_search
 from mofit.report.signals import draw_loop, draw_trace
-from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.figures import FLOOR, MEASURED, band_key, baseline_key, dot_key, line_key, mode_colour
 from mofit.report.toolkit.formatting import display_unit, parameter_label
 
 
 def loop(tree: xr.DataTree, test: str, ax: Axes | None = None) -> Axes:
     """Output over input in the last period of a test: measured, the baseline, and a line per posterior mode.
-
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    test
-        Name of the test.
-    ax
-        Axes to draw into; by default the current ones of pyplot.
-
-    Returns
-    -------
-    Axes
-        The axes, for more.
 
     Raises
     ------
@@ -51,33 +41,15 @@ def loop(tree: xr.DataTree, test: str, ax: Axes | None = None) -> Axes:
     unit = output_unit(found)
     draw_loop(found, unit, ax)
     ax.set_ylabel(unit.label(found[0].output_name))
-    _legend(ax, [dot_key(MEASURED, "measured", marker="."), *_modes(run), *_baseline(run)])
-    return ax
+    return _with_legend(
+        ax, [dot_key(MEASURED, "measured", marker="."), *_modes(run), *baseline_key(run.baseline_title)]
+    )
 
 
 def trace(tree: xr.DataTree, test: str, mode: str = "m1", axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
     """Measured and simulated output of a test over time, and below it the residual in the band of the noise.
 
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    test
-        Name of the test.
-    mode
-        The posterior mode.
-    axes
-        Two axes to draw into, output and residual; by default those of a new figure.
-
-    Returns
-    -------
-    tuple of Axes
-        The same two, for more.
-
-    Raises
-    ------
-    InputError
-        If the run has no such test or mode.
+    Takes and returns two axes, output and residual; by default those of a new figure.
     """
     run = Run(tree)
     overlay = _overlay(run, _mode(run, mode), test).last(2)
@@ -89,48 +61,20 @@ def trace(tree: xr.DataTree, test: str, mode: str = "m1", axes: Sequence[Axes] |
     below.set_ylabel(small.label("residual"))
     below.set_xlabel("time (s)")
     measured, model = line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(mode_colour(0), f"model, {mode}")
-    _legend(above, [measured, model, *_baseline(run), band_key(FLOOR, "noise, ± 2 sd")])
-    return above, below
+    noise = band_key(FLOOR, "noise, ± 2 sd")
+    return _with_legend(above, [measured, model, *baseline_key(run.baseline_title), noise]), below
 
 
 def errors(tree: xr.DataTree, ax: Axes | None = None) -> Axes:
-    """NRMSD of every posterior mode and the baseline per test, beside the noise floor.
-
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    ax
-        Axes to draw into; by default the current ones of pyplot.
-
-    Returns
-    -------
-    Axes
-        The axes, for more.
-    """
-    run = Run(tree)
-    ax = _axes(ax)
+    """NRMSD of every posterior mode and the baseline per test, beside the noise floor."""
+    run, ax = Run(tree), _axes(ax)
     draw_errors(extract_errors(run), np.ones(len(run.tests), dtype=bool), False, ax)
-    _legend(ax, [*_modes(run), *_baseline(run), band_key(FLOOR, "noise floor", 0.5)])
-    return ax
+    floor = band_key(FLOOR, "noise floor", 0.5)
+    return _with_legend(ax, [*_modes(run), *baseline_key(run.baseline_title), floor])
 
 
 def marginal(tree: xr.DataTree, parameter: str, ax: Axes | None = None) -> Axes:
     """Posterior of one parameter, a histogram per mode; the strip above is its place in the prior box.
-
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    parameter
-        Name of the parameter.
-    ax
-        Axes to draw into; by default the current ones of pyplot.
-
-    Returns
-    -------
-    Axes
-        The axes, for more.
 
     Raises
     ------
@@ -145,26 +89,11 @@ def marginal(tree: xr.DataTree, parameter: str, ax: Axes | None = None) -> Axes:
     draw_marginal(one, colours, ax)
     draw_place(one, colours, ax)
     ax.set_xlabel(parameter_label(parameter, one.unit))
-    _legend(ax, _modes(run))
-    return ax
+    return _with_legend(ax, _modes(run))
 
 
 def corner(tree: xr.DataTree, mode: str = "m1", ax: Axes | None = None) -> Axes:
-    """Joint posterior of each pair of parameters of a mode.
-
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    mode
-        The posterior mode.
-    ax
-        Axes to draw into, best square; by default the current ones of pyplot.
-
-    Returns
-    -------
-    Axes
-        The axes, for more; each pair is a unit square in it.
+    """Joint posterior of each pair of parameters of a mode, each a unit square; the axes are best square.
 
     Raises
     ------
@@ -180,20 +109,6 @@ def corner(tree: xr.DataTree, mode: str = "m1", ax: Axes | None = None) -> Axes:
 
 def search(tree: xr.DataTree, x: str, y: str | None = None, ax: Axes | None = None) -> Axes:
     """Every point that the search evaluated, over two parameters or over one and the mean NRMSD.
-
-    Parameters
-    ----------
-    tree
-        A result, from `mofit.open`.
-    x, y
-        Names of the parameters.
-    ax
-        Axes to draw into; by default the current ones of pyplot.
-
-    Returns
-    -------
-    Axes
-        The axes, for more.
 
     Raises
     ------
@@ -245,9 +160,6 @@ def _modes(run: Run) -> list[Line2D]:
     return [line_key(mode.colour, f"model, {mode.name}") for mode in run.shown]
 
 
-def _baseline(run: Run) -> list[Line2D]:
-    return [line_key(BASELINE, run.baseline_title, ls="--")] if run.baseline_title else []
-
-
-def _legend(ax: Axes, handles: Sequence[Line2D]) -> None:
-    ax.legend(handles=list(handles), fontsize="small")
+def _with_legend(ax: Axes, handles: list[Line2D]) -> Axes:
+    ax.legend(handles=handles, fontsize="small")
+    return ax

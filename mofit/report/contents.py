@@ -6,11 +6,11 @@ A section is a function from `Run` to `Section` or None, in a module of its own;
 from mofit.report.calibration import calibration_section
 from mofit.report.convergence import convergence_section
 from mofit.report.corner import corner_section
+from mofit.report.directions import directions_section, posterior_section
 from mofit.report.errors import errors_section
 from mofit.report.estimates import estimates_section
 from mofit.report.method import run_method_section, uncertainty_method_section
 from mofit.report.per_test import per_test_section
-from mofit.report.posterior import directions_section, posterior_section
 from mofit.report.provenance import provenance_section
 from mofit.report.search import search_section
 from mofit.report.signals import signals_section
@@ -18,8 +18,7 @@ from mofit.report.summary import summary_section
 from mofit.report.uncertainty.fundamental import frequency_section
 from mofit.report.uncertainty.homogeneity import homogeneity_section
 from mofit.report.uncertainty.loops import loops_section
-from mofit.report.uncertainty.marginals import marginals_section
-from mofit.report.uncertainty.mixture import mixture_section
+from mofit.report.uncertainty.marginals import marginals_section, mixture_section
 from mofit.report.uncertainty.table import table_section
 
 CONTENTS = {

@@ -1,16 +1,30 @@
-"""Correlated parameters and principal directions of a posterior: which combinations the data identify."""
+"""The joint posterior: correlated parameters, and principal directions, the combinations that the data identify."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
+from mofit.report.corner import corner_figure
+from mofit.report.marginals import extract_marginals, marginals_figure
 from mofit.report.run import Mode, Run
-from mofit.report.toolkit.blocks import Block, Text, bullets
+from mofit.report.toolkit.blocks import (
+    Block,
+    Column,
+    Section,
+    Table,
+    Text,
+    badge,
+    bullets,
+    tabs,
+    words,
+    wrapped,
+)
 from mofit.report.toolkit.formatting import THIN, listed, number, percent, symbol, unit_text
 
 STRONG = 0.8
@@ -189,10 +203,62 @@ def direction_texts(directions: list[Direction]) -> list[Markup]:
     return [text.format(listed([change.text for change in widest.changes]), percent(widest.width, 2))]
 
 
-def pair_list(pairs: list[Pair]) -> Block:
+def _pair_list(pairs: list[Pair]) -> Block:
     """The strongly correlated pairs, or that there is none."""
     if not pairs:
         return Text(f"No two parameters are correlated by more than {STRONG}.")
     lead = f"Correlated by more than {STRONG}; the data identify a combination better than either parameter:"
     more = f" the {_LISTED} strongest of {len(pairs)}:" if len(pairs) > _LISTED else ""
     return bullets([pair.text for pair in pairs[:_LISTED]], lead.rstrip(":") + (";" + more if more else ":"))
+
+
+def posterior_section(run: Run) -> Section | None:
+    """Marginals of all modes, then per mode its correlations, what is not identifiable, and its corner plot."""
+    if not run.sampled:
+        return None
+    panes: dict[str, list[Block]] = {}
+    data = {}
+    for mode in run.sampled:
+        panes[mode.title], data[mode.name], _ = _joint(run, mode)
+        if len(mode.parameters) > 1:
+            panes[mode.title].append(corner_figure(run, mode))
+    marginals = extract_marginals(run)
+    blocks = [marginals_figure(run, marginals), *tabs(panes)]
+    return Section("posterior", "Posterior", blocks, {"marginals": marginals, "modes": data})
+
+
+def directions_section(run: Run) -> Section | None:
+    """Strong correlations and all principal directions, per mode."""
+    panes: dict[str, list[Block]] = {}
+    data = {}
+    for mode in run.sampled:
+        blocks, data[mode.name], directions = _joint(run, mode)
+        panes[mode.title] = [*blocks, _table(directions)]
+    return Section("directions", "Correlations and directions", tabs(panes), {"modes": data}) if panes else None
+
+
+def _joint(run: Run, mode: Mode) -> tuple[list[Block], dict[str, Any], list[Direction]]:
+    """Correlations and directions of a mode: text, the numbers behind it, and the directions."""
+    pairs, directions = strong_pairs(run, mode), directions_of(run, mode)
+    data = {
+        "parameters": mode.parameters,
+        "correlation": correlation(run, mode),
+        "pairs": pairs,
+        "directions": directions,
+    }
+    return [*(Text(text) for text in direction_texts(directions)), _pair_list(pairs)], data, directions
+
+
+def _table(directions: list[Direction]) -> Table:
+    changes = [Markup(", ").join(change.text for change in direction.changes) for direction in directions]
+    verdicts = [badge(*(("not identified", "bad") if d.flat else ("identified", "good"))) for d in directions]
+    return Table(
+        [
+            Column("No.", [str(k) for k in range(1, len(directions) + 1)]),
+            words("One standard deviation along it", [wrapped(text) for text in changes]),
+            Column("Width, prior = 100 %", [percent(direction.width, 2) for direction in directions]),
+            words("", verdicts),
+        ],
+        "Principal directions of the posterior in the prior box, widest first; the last are the combinations that the "
+        f"data identify best. A direction wider than {percent(FLAT, 2)} of the prior counts as not identified.",
+    )

@@ -1,4 +1,4 @@
-"""Minima of each test alone beside the joint estimate (Hackl et al. 2016, Table 4)."""
+"""Minima of each test alone beside the joint estimate (Hackl et al. 2016, Table 4), and the leverage of each test."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from mofit._typing import FloatArray
-from mofit.report.leverage import extract_leverage, leverage_figure
 from mofit.report.run import Run, labels, numbers
-from mofit.report.toolkit.axes import all_differ, axis_of_frequencies, axis_of_tests, few_ticks, log_axis
-from mofit.report.toolkit.blocks import Block, Column, Details, Section, Table, Text
+from mofit.report.toolkit.axes import all_differ, axis_of_frequencies, axis_of_tests, few_ticks, heat_map, log_axis
+from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text
 from mofit.report.toolkit.figures import MEASURED, Panels, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import compact, parameter_head, parameter_label, percent, plus_minus
+from mofit.report.toolkit.formatting import compact, math_symbol, parameter_head, parameter_label, percent, plus_minus
 
 _LOG_FROM = 8.0
 """Ratio of the largest to the smallest estimate from which the axis of a log-scaled parameter is logarithmic."""
+
+_NOTABLE = 0.005
+"""Change of a test's error, by a standard deviation of the parameter, that is written into its cell."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,15 @@ class PerTest:
     sd: FloatArray
     nrmsd: FloatArray
     joint: FloatArray
+
+
+@dataclass(frozen=True)
+class Leverage:
+    """Relative change of each test's NRMSD per standard deviation of each parameter, shape (test, parameter)."""
+
+    tests: list[str]
+    parameters: list[str]
+    change: FloatArray
 
 
 def extract_per_test(run: Run) -> PerTest | None:
@@ -61,7 +72,15 @@ def extract_per_test(run: Run) -> PerTest | None:
     )
 
 
-def draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
+def extract_leverage(run: Run) -> Leverage | None:
+    """Of the best mode, or None where the run has none."""
+    best = run.best
+    if "leverage" not in best.node.data_vars:
+        return None
+    return Leverage(labels(best.node, "test"), best.parameters, numbers(best.node, "leverage"))
+
+
+def _draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
     """One parameter over frequency (or test): best minimum filled, ± sd, others hollow, a band for the joint one."""
     own = run.space(found.parameters).parameters[k]
     value, low, high = found.joint[k]
@@ -88,6 +107,20 @@ def draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
     return axes
 
 
+def draw_leverage(found: Leverage, axes: Axes) -> Axes:
+    """Tests over parameters; purple: the test prefers more of the parameter, orange: less."""
+    limit = max(float(np.nanmax(np.abs(found.change))), _NOTABLE)
+    symbols = [math_symbol(name) for name in found.parameters]
+    heat_map(axes, -found.change.T, symbols, found.tests, cmap="PuOr", vmin=-limit, vmax=limit)
+    axes.tick_params(axis="x", rotation=35 if len(found.tests) > 10 else 0)
+    for (t, k), change in np.ndenumerate(found.change):
+        if np.isfinite(change) and abs(change) >= _NOTABLE:
+            text = f"{'↑' if change < 0 else '↓'} {percent(abs(change))}"
+            colour = "white" if abs(change) > 0.6 * limit else MEASURED
+            axes.text(t, k, text, ha="center", va="center", fontsize=7.5, color=colour)
+    return axes
+
+
 def per_test_panels(run: Run, found: PerTest, best: str, others: str) -> Panels:
     """A panel per parameter; `best` and `others` name the filled and the hollow points."""
     legend: list[Line2D] = [dot_key(MEASURED, best)]
@@ -96,7 +129,7 @@ def per_test_panels(run: Run, found: PerTest, best: str, others: str) -> Panels:
     legend.append(line_key(mode_colour(0), f"all tests together, {run.best.name}, 5–95 %", lw=3, alpha=0.7))
     panels = Panels(len(found.parameters), 3, 2.1, legend=legend, margin=(0.8, 0.55, 0.15), gap=(0.8, 0.8))
     for k, axes in enumerate(panels.axes):
-        draw_per_test(run, found, k, axes)
+        _draw_per_test(run, found, k, axes)
     panels.label("frequency (Hz)" if all_differ(found.frequency) else "")
     return panels
 
@@ -124,7 +157,7 @@ def per_test_section(run: Run) -> Section | None:
     ]
     leverage = extract_leverage(run)
     if leverage is not None and len(leverage.tests) > 1:
-        blocks.append(leverage_figure(run, leverage))
+        blocks.append(_leverage_figure(run, leverage))
     return Section("per_test", "Minima of single tests", blocks, {"per_test": found, "leverage": leverage})
 
 
@@ -148,4 +181,18 @@ def _table(run: Run, found: PerTest) -> Table:
             Column("NRMSD", [percent(float(found.nrmsd[t, m])) for t, m in rows]),
         ],
         "Local minima of each test identified separately, best first (Table 4 of the paper).",
+    )
+
+
+def _leverage_figure(run: Run, found: Leverage) -> Figure:
+    """Heat map with a cell per test and parameter."""
+    panels = Panels(1, 1, 0.3 * len(found.parameters) + 0.2, margin=(0.75, 0.45, 0.15), top=0.15)
+    draw_leverage(found, panels.axes[0])
+    return panels.figure(
+        "How the error of each test changes with each parameter at the joint estimate",
+        f"Leverage at {run.best.name}: by which share the error of a test falls with one standard deviation more (↑) "
+        f"or less (↓) of a parameter. Cells without a number: under {percent(_NOTABLE)}.",
+        good="small numbers without a pattern: the tests agree on the parameter.",
+        bad="one end of the frequency range prefers more, the other less: the joint value is a compromise; the model "
+        "lacks what changes between them.",
     )

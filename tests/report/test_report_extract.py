@@ -14,14 +14,12 @@ from matplotlib.figure import Figure
 from mofit.report.convergence import extract_traces
 from mofit.report.corner import draw_corner, extract_corner, tick_texts
 from mofit.report.errors import draw_errors, extract_errors
-from mofit.report.front import extract_front
-from mofit.report.leverage import draw_leverage, extract_leverage
 from mofit.report.marginals import extract_marginals
 from mofit.report.overlay import Overlay, extract_overlays
-from mofit.report.per_test import extract_per_test
+from mofit.report.per_test import draw_leverage, extract_leverage, extract_per_test
 from mofit.report.run import Mode, Run
-from mofit.report.search import extract_search, pairs
-from mofit.report.spectrum import extract_spectra
+from mofit.report.search import extract_front, extract_search, pairs
+from mofit.report.signals import extract_spectra
 
 
 @pytest.fixture(scope="module")

@@ -197,6 +197,11 @@ def band_key(colour: str, label: str, alpha: float = 0.4) -> Line2D:
     return Line2D([], [], color=colour, label=label, lw=6, alpha=alpha)
 
 
+def baseline_key(title: str, **style: Any) -> list[Line2D]:
+    """The legend entry of the baseline model; none without a title."""
+    return [line_key(BASELINE, title, ls="--", **style)] if title else []
+
+
 def warm_up() -> None:
     """Draw what takes long the first time: fonts, symbols, a logarithmic axis, a legend."""
     with styled():

@@ -1,4 +1,4 @@
-"""Each parameter's marginal posterior beside the prior and the profile likelihood."""
+"""Marginal posteriors: of each mode beside prior and profile likelihood, and of all modes together."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from matplotlib.axes import Axes
 
 from mofit._typing import FloatArray
 from mofit.report.calibration import calibrated
-from mofit.report.marginals import Marginal, draw_marginal, extract_marginal
+from mofit.report.marginals import Marginal, draw_marginal, extract_marginal, parameter_axis
 from mofit.report.overlay import NINETY
 from mofit.report.run import Mode, Run, labels, numbers
-from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, tabs, words
+from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text, tabs, words
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, band_key, line_key
-from mofit.report.toolkit.formatting import parameter_label, symbol, unit_text, with_sd
+from mofit.report.toolkit.formatting import interval, parameter_label, plus_minus, symbol, unit_text, with_sd
 
 PROFILE_RISE = 1.3528
 """Rise of the negative log posterior that bounds a 90 % profile interval: half the 90 % quantile of chi², 1 degree."""
@@ -179,3 +179,57 @@ def _end(value: float, sd: float, box: list[float]) -> str:
     """An end of an interval inside the prior box, with a mark where it is the bound."""
     end = min(max(value, box[0]), box[1])
     return with_sd(end, sd) + ("*" if end in box else "")
+
+
+def mixture_section(run: Run) -> Section | None:
+    """Table and figure; None where the run has one mode only."""
+    node = run.group("mixture")
+    if node is None:
+        return None
+    names = labels(node, "parameter")
+    data = {name: numbers(node, name) for name in ("mean", "sd", "q05", "q50", "q95")}
+    text = Text(
+        "Until a test distinguishes the modes, each counts by its probability. An interval below may span a region "
+        "between them that is not plausible: see the figure."
+    )
+    table = Table(
+        [
+            Column("Parameter", [symbol(name) for name in names]),
+            Column("Mean ± sd", [plus_minus(*row) for row in zip(data["mean"], data["sd"], strict=True)]),
+            Column("90 % interval", [interval(*row) for row in zip(data["q05"], data["q95"], data["sd"], strict=True)]),
+            words("Unit", [unit_text(run.unit(name)) for name in names]),
+        ],
+        "All modes together.",
+    )
+    return Section(
+        "mixture", "All modes together", [text, table, _stacked_figure(run, names)], {"parameter": names, **data}
+    )
+
+
+def _stacked_figure(run: Run, names: list[str]) -> Figure:
+    node = run.tree["mixture"].children
+    mode_of = numbers(node["sample_stats"], "mode").ravel().astype(int) - 1
+    found = [mode for mode in run.modes if (mode_of == mode.index).any()]
+    shares = {mode.name: float(np.mean(mode_of == mode.index)) for mode in found}
+    legend = [band_key(mode.colour, mode.title, 1.0) for mode in run.modes]
+    panels = Panels(len(names), 4, 1.5, legend=legend, margin=(0.3, 0.4, 0.3), gap=(0.35, 0.65))
+    for name, axes in zip(names, panels.axes, strict=True):
+        values = numbers(node["posterior"], name).ravel()
+        marginal = extract_marginal(run.space([name]), {mode.name: values[mode_of == mode.index] for mode in found})
+        _draw_stacked(marginal, shares, {mode.name: mode.colour for mode in found}, axes)
+        axes.set_title(parameter_label(name, run.unit(name)))
+    return panels.figure(
+        "Posterior of each parameter, stacked by mode",
+        "Posterior of each parameter, the modes stacked on each other by their probability.",
+        good="one peak: the modes agree on this parameter.",
+        bad="separate peaks in different colours: which value is right depends on the mode.",
+    )
+
+
+def _draw_stacked(marginal: Marginal, shares: dict[str, float], colours: dict[str, str], axes: Axes) -> None:
+    below = np.zeros(len(marginal.edges) - 1)
+    for name, density in marginal.density.items():
+        above = below + shares[name] * density
+        axes.stairs(above, marginal.edges, baseline=below, fill=True, color=colours[name])
+        below = above
+    parameter_axis(marginal, axes)
