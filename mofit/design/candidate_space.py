@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -117,29 +117,25 @@ class CandidateGrid(Strict):
     def _keys_of_the_kind(self) -> CandidateGrid:
         if self.size > MOST_CANDIDATES:
             raise ValueError(f"{self.size} combinations; at most {MOST_CANDIDATES}. Make the grids coarser")
-        TestPlan.model_validate({"name": "first", **next(iter(self.entries()))})
+        TestPlan.model_validate({"name": "first", **next(self.entries())})
         return self
 
-    def _axes(self) -> dict[tuple[str, str], list[Any]]:
-        """Choices by key and name of a condition."""
-        own = {(key, ""): getattr(self, key) for key in type(self).model_fields if key not in ("kind", "conditions")}
-        conditions = {("conditions", name): values for name, values in self.conditions.items()}
-        return {key: values for key, values in {**own, **conditions}.items() if values is not None}
+    def _choices(self) -> dict[str, list[Any]]:
+        """Choices by key, without those of the conditions."""
+        own = {key: getattr(self, key) for key in type(self).model_fields if key not in ("kind", "conditions")}
+        return {key: values for key, values in own.items() if values is not None}
 
     @property
     def size(self) -> int:
         """Number of combinations."""
-        return math.prod(len(values) for values in self._axes().values())
+        return math.prod(len(values) for values in (*self._choices().values(), *self.conditions.values()))
 
-    def entries(self) -> list[dict[str, Any]]:
+    def entries(self) -> Iterator[dict[str, Any]]:
         """All combinations, as entries of a plan without names."""
-        found = []
-        for values in product(*self._axes().values()):
-            chosen = dict(zip(self._axes(), values, strict=True))
-            conditions = {name: value for (key, name), value in chosen.items() if key == "conditions"}
-            own = {key: value for (key, _), value in chosen.items() if key != "conditions"}
-            found.append({"kind": self.kind, **own, "conditions": conditions})
-        return found
+        own = self._choices()
+        for values in product(*own.values(), *self.conditions.values()):
+            conditions = dict(zip(self.conditions, values[len(own) :], strict=True))
+            yield {"kind": self.kind, **dict(zip(own, values[: len(own)], strict=True)), "conditions": conditions}
 
 
 class Space(Strict):

@@ -36,7 +36,7 @@ class ExchangeSettings:
     """Two tests are taken out together while there are at most so many different pairs: their cost grows fast."""
 
 
-_SETTINGS = ExchangeSettings()
+SETTINGS = ExchangeSettings()
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,14 @@ class CandidatePool:
 
 
 def best_selection(
-    pool: CandidatePool, budget: float, progress: Progress = silent, settings: ExchangeSettings = _SETTINGS
+    pool: CandidatePool, budget: float, progress: Progress = silent, exhaustive: int = SETTINGS.exhaustive
 ) -> Selection:
     r"""The selection of least criterion that fits into ``budget`` [s]; tests may repeat.
 
     Greedy, once by gain and once by gain per second, :math:`(\phi(M) - \phi(M + M_c)) / t_c`; then exchanges (Fedorov):
-    one or two tests are taken out and the time is filled again, as long as that gains. Where the selections are few,
-    all are evaluated instead. Every candidate alone is among those compared: a budget for one test gives the best
-    single test.
+    one or two tests are taken out and the time is filled again, as long as that gains. Where the selections are at most
+    ``exhaustive``, all are evaluated instead. Every candidate alone is among those compared: a budget for one test
+    gives the best single test.
 
     Raises
     ------
@@ -102,19 +102,17 @@ def best_selection(
     """
     if not np.any(pool.seconds <= budget):
         raise ValueError("no candidate fits into the budget")
-    every = _every(pool.seconds, budget, settings.exhaustive)
+    every = _every(pool.seconds, budget, exhaustive)
     if every is not None:
         values = [pool.value(members) for members in every]
         best = every[int(np.argmin(values))]
         return Selection(best, pool.cost(best), min(values), exhaustive=True)
-    greedy = dict.fromkeys(_filled(pool, (), budget, per_second, settings) for per_second in (False, True))
-    found = min((_exchanged(pool, members, budget, progress, settings) for members in greedy), key=pool.value)
+    greedy = dict.fromkeys(_filled(pool, (), budget, per_second) for per_second in (False, True))
+    found = min((_exchanged(pool, members, budget, progress) for members in greedy), key=pool.value)
     return Selection(found, pool.cost(found), pool.value(found))
 
 
-def _filled(
-    pool: CandidatePool, members: tuple[int, ...], budget: float, per_second: bool, settings: ExchangeSettings
-) -> tuple[int, ...]:
+def _filled(pool: CandidatePool, members: tuple[int, ...], budget: float, per_second: bool) -> tuple[int, ...]:
     """Tests added one by one, each the best of those that still fit, until none gains."""
     base, left = pool.total(members), budget - pool.cost(members)
     now = float(pool.objective(base))
@@ -122,25 +120,23 @@ def _filled(
         fits = np.flatnonzero(pool.seconds <= left + _ROUNDING)
         values = pool.values_with_one_more(base, fits)
         gain = now - values
-        if not len(fits) or not np.any(gain > settings.least_gain):
+        if not len(fits) or not np.any(gain > SETTINGS.least_gain):
             return tuple(sorted(members))
         best = int(np.argmax(gain / pool.seconds[fits] if per_second else gain))
         members = (*members, int(fits[best]))
         base, now, left = base + pool.information[fits[best]], float(values[best]), left - pool.seconds[fits[best]]
 
 
-def _exchanged(
-    pool: CandidatePool, members: tuple[int, ...], budget: float, progress: Progress, settings: ExchangeSettings
-) -> tuple[int, ...]:
+def _exchanged(pool: CandidatePool, members: tuple[int, ...], budget: float, progress: Progress) -> tuple[int, ...]:
     """Selections that differ in one or two tests, the best each time, until none is better."""
     now = pool.value(members)
-    for number in range(settings.rounds):
-        progress("exchange", number, settings.rounds, f"{len(members)} tests")
-        kept = [_without(members, out) for out in _removals(members, settings.most_pairs)]
-        tried = dict.fromkeys(_filled(pool, rest, budget, way, settings) for rest in kept for way in (False, True))
+    for number in range(SETTINGS.rounds):
+        progress("exchange", number, SETTINGS.rounds, f"{len(members)} tests")
+        kept = [_without(members, out) for out in _removals(members, SETTINGS.most_pairs)]
+        tried = dict.fromkeys(_filled(pool, rest, budget, way) for rest in kept for way in (False, True))
         best = min(tried, key=pool.value)
         value = pool.value(best)
-        if now - value <= settings.least_gain:
+        if now - value <= SETTINGS.least_gain:
             break
         members, now = best, value
     return members

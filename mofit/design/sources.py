@@ -76,14 +76,11 @@ def planned_source(name: str, plan: Plan, model: Model, named: Sequence[str] = (
     space = ParameterSpace(model.parameters)
     values = np.array([setup.values.get(parameter.name, parameter.nominal) for parameter in space.parameters])
     notes = []
-    left_out = [effect.name for effect in plan.effects if effect.name not in model.name.split("+")]
-    if left_out:
-        hidden = ", ".join(left_out)
-        notes.append(f"{name}: its effects ({hidden}) are left out; add them to the model with --effect to count them.")
-    missing = [channel.name for channel in model.outputs if channel.name not in noise]
-    if missing:
+    if hidden := ", ".join(effect.name for effect in plan.effects if effect.name not in model.name.split("+")):
+        notes.append(f"{name}: its effects ({hidden}) are left out. To count them, add them with --effect.")
+    if missing := ", ".join(channel.name for channel in model.outputs if channel.name not in noise):
         share = f"{100 * DEFAULT_NOISE.fraction:g} % of the range, white"
-        notes.append(f"{name}: states no noise of {', '.join(missing)}; taken as {share}.")
+        notes.append(f"{name}: it states no noise of {missing}. The noise is taken as {share}.")
     experiments = [test.experiment(np.random.default_rng(plan.seed), setup.conditions) for test in setup.tests]
     _require(name, named, [experiment.name for experiment in experiments])
     tests = planned_tests(model, experiments, values, noise, named, jobs)
@@ -117,9 +114,11 @@ def measured_source(
         if main
     }
     notes = [f"{name}: noise as estimated from its data."]
-    if missing := [p.name for p in space.parameters if p.name not in known]:
-        which = ", ".join(missing)
-        notes.append(f"{name}: its calibration tests do not identify {which}: from --run or --at, else nominal values.")
+    if missing := ", ".join(parameter.name for parameter in space.parameters if parameter.name not in known):
+        notes.append(
+            f"{name}: its calibration tests do not identify {missing}. "
+            "Their values are those of --run or --at, or nominal."
+        )
     return Source(name, model, space, values, tuple(tests), noise, (*notes, *_uncalibrated(model, tests)))
 
 

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from mofit._typing import FloatArray
 from mofit.design.comparison_result import Comparison, ParameterResult
 from mofit.design.criteria import ENOUGH
 from mofit.design.design_job import Proposal
-from mofit.design.identifiability import IDENTIFIABLE, Identifiability
+from mofit.design.identifiability import IDENTIFIABLE
 from mofit.design.information import SourceInformation
 from mofit.design.optimal_design import Design
 
@@ -160,20 +161,20 @@ def _parameter(found: Design, name: str) -> dict[str, Any]:
     known = found.known
     place = known.source.space.index(name)
 
-    def sd(of: Identifiability) -> np.ndarray:
-        return (of.sd * known.derivative)[:, place]
+    def median(values: FloatArray) -> float:
+        return float(np.median(values[:, place]))
 
-    relative = found.after.relative_sd[:, place]
+    before, after, relative = found.before, found.after, found.after.relative_sd[:, place]
     return {
-        "sd": float(np.median(sd(found.after))),
-        "sd_before": float(np.median(sd(found.before))),
-        "sd_at_values": float(sd(found.after)[0]),
-        "relative_sd": float(np.median(relative)),
-        "relative_sd_before": float(np.median(found.before.relative_sd[:, place])),
+        "sd": median(after.sd * known.derivative),
+        "sd_before": median(before.sd * known.derivative),
+        "sd_at_values": float(after.sd[0, place] * known.derivative[0, place]),
+        "relative_sd": median(after.relative_sd),
+        "relative_sd_before": median(before.relative_sd),
         "low": float(relative.min()),
         "high": float(relative.max()),
-        "conditional_sd": float(np.median((found.after.conditional_sd * known.derivative)[:, place])),
-        "verdict": found.after.verdict(place),
-        "verdict_before": found.before.verdict(place),
+        "conditional_sd": median(after.conditional_sd * known.derivative),
+        "verdict": after.verdict(place),
+        "verdict_before": before.verdict(place),
         "unit": known.source.space[name].unit,
     }

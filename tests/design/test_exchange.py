@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mofit.design.criteria import box_precision, parameter_criterion, scales
-from mofit.design.exchange import CandidatePool, ExchangeSettings, best_selection
+from mofit.design.exchange import CandidatePool, best_selection
 from mofit.errors import InputError
 from mofit.parameters import Parameter, ParameterSpace
 
@@ -127,7 +127,7 @@ def test_exchanges_end_close_to_the_best_of_all():
         pool = random_pool(seed, 8)
         best = best_selection(pool, 7.0)
         assert best.exhaustive
-        found = best_selection(pool, 7.0, settings=ExchangeSettings(exhaustive=0))
+        found = best_selection(pool, 7.0, exhaustive=0)
         assert not found.exhaustive
         assert found.seconds <= 7.0
         assert found.value == pytest.approx(pool.value(found.members))

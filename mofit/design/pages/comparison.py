@@ -152,8 +152,10 @@ def correlation_section(comparison: Comparison) -> Section:
         Column("Experiment", [row.experiment.name for row in rows]),
         Column("Condition index", [number(row.condition_index, 3) for row in rows]),
     ]
-    for name in comparison.parameters:
-        columns.append(Column(symbol(name), [number(row.parameters[name].variance_inflation, 3) for row in rows]))
+    columns += [
+        Column(symbol(name), [number(row.parameters[name].variance_inflation, 3) for row in rows])
+        for name in comparison.parameters
+    ]
     table = Table(
         columns,
         f"Largest condition index of the parameters that no calibration stage estimates (above {_STRONG:g}: strongly "
