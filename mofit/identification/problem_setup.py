@@ -17,28 +17,17 @@ from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_
 
 @dataclass(frozen=True)
 class ProblemSetup:
-    """A model and the tests of its main identification, with the stages before it fitted.
-
-    Parameters
-    ----------
-    model, settings
-        What is identified, and how.
-    campaign
-        The tests of the main identification only.
-    space
-        Free parameters of the model.
-    calibrations
-        The fitted stages.
-    warnings
-        A sentence per stage that had no tests.
-    """
+    """A model and the tests of its main identification, with the stages before it fitted."""
 
     model: Model
     settings: Settings
     campaign: Campaign
+    """The tests of the main identification only."""
     space: ParameterSpace
+    """Free parameters of the model."""
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
+    """A sentence per stage that had no tests."""
 
     @cached_property
     def searched(self) -> Problem:

@@ -18,32 +18,18 @@ from mofit.sampling import Chains, Evidence
 
 @dataclass(frozen=True)
 class PosteriorMode:
-    """A posterior mode with the samples around it.
-
-    Parameters
-    ----------
-    name
-        Of the mode.
-    minimum
-        Minimum of the adjusted negative log posterior, with its Hessian.
-    noise_hessian
-        The Hessian for noise alone, without adjustment.
-    sampled
-        The adjusted posterior that was sampled, quick to evaluate around the minimum.
-    evidence
-        By bridge sampling.
-    probability
-        Posterior probability of the mode.
-    chains, profile
-        The samples, and the profile likelihood of every parameter.
-    """
+    """A posterior mode with its samples and profile likelihoods."""
 
     name: str
     minimum: Minimum
+    """Of the adjusted negative log posterior, with its Hessian."""
     noise_hessian: FloatArray
+    """The Hessian for noise alone."""
     sampled: AdjustedPosterior
+    """The adjusted posterior, quick to evaluate around the minimum."""
     evidence: Evidence
     probability: float
+    """Posterior probability of the mode."""
     chains: Chains
     profile: Profile
 
@@ -58,30 +44,18 @@ class LocalFit:
 
 @dataclass(frozen=True)
 class Located:
-    """What the stages before the sampling found.
-
-    Parameters
-    ----------
-    calibrations
-        The stages before the main identification.
-    searched
-        What was searched, calibrated parameters fixed at their estimates; its noise as at the best minimum.
-    search, weights
-        The search's points, and the weight of each test in it.
-    posterior
-        What was refined and is sampled; its noise likewise.
-    minima
-        All refined minima, best first.
-    warnings
-        To the reader.
-    """
+    """What the stages before the sampling found."""
 
     calibrations: tuple[Calibration, ...]
     searched: Problem
+    """Calibrated parameters fixed at their estimates (free with ``joint``), noise as at the best minimum."""
     search: SearchResult
     weights: FloatArray
+    """Of each test in the search, shape (tests,)."""
     posterior: CampaignPosterior
+    """What was refined and is sampled, noise likewise."""
     minima: tuple[Minimum, ...]
+    """All refined minima of the posterior, best first."""
     warnings: tuple[str, ...]
 
     @property
@@ -92,25 +66,16 @@ class Located:
 
 @dataclass(frozen=True)
 class IdentificationResult(Located):
-    """The content of the result tree.
-
-    Parameters
-    ----------
-    campaign, configuration
-        What went in.
-    modes
-        The plausible minima, sampled; most probable first.
-    references
-        Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`.
-    seconds
-        Per stage.
-    """
+    """The content of the result tree."""
 
     campaign: Campaign
     configuration: Mapping[str, Any]
     modes: tuple[PosteriorMode, ...]
+    """The plausible minima, sampled; most probable first."""
     references: Mapping[str, xr.Dataset]
+    """Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`."""
     seconds: Mapping[str, float]
+    """Per stage."""
 
     @property
     def converged(self) -> bool:

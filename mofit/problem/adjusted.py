@@ -14,27 +14,17 @@ from mofit.problem.posterior import CampaignPosterior
 
 @dataclass(frozen=True)
 class AdjustedPosterior:
-    """One mode of a problem with the adjusted likelihood (`mofit.problem.curvature_adjustment`).
-
-    Parameters
-    ----------
-    problem
-        The problem, ready to be evaluated around the mode.
-    adjustment
-        The map at the mode's minimum.
-    offset
-        Negative log likelihood of the problem itself there, so that modes compare.
-    squares
-        Weighted squares there.
-    score
-        Of every test there.
-    """
+    """One mode of a problem with the adjusted likelihood (`mofit.problem.curvature_adjustment`)."""
 
     problem: CampaignPosterior
     adjustment: Adjustment
+    """The map at the mode's minimum."""
     offset: float
+    """Negative log likelihood of the problem itself there, so that modes compare."""
     squares: float
+    """Weighted squares there."""
     score: Score
+    """Of every test there."""
 
     @property
     def space(self) -> ParameterSpace:

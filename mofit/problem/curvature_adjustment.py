@@ -35,31 +35,22 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True)
 class Score:
-    """Gradient, curvature and covariance of the gradient (J) of every test at a point.
-
-    Parameters
-    ----------
-    slope
-        w_t times the gradient of C_t / 2, shape (T, d).
-    normal
-        w_t times the Gauss-Newton matrix, (T, d, d).
-    noise, gap
-        Covariance of the slope by noise, and by what the model misses, (T, d, d).
-    freedom
-        Degrees of freedom behind the noise of each test, (T,).
-    gap_freedom
-        Those behind the gap.
-    gap_squares
-        Mean squared amplitude of the gap on the fundamentals and on the harmonics, relative to the output's range.
-    """
+    """Gradient, curvature and covariance of the gradient (J) of every test at a point."""
 
     slope: FloatArray
+    """w_t times the gradient of C_t / 2, shape (T, d)."""
     normal: FloatArray
+    """w_t times the Gauss-Newton matrix, (T, d, d)."""
     noise: FloatArray
+    """Covariance of the slope by noise, (T, d, d)."""
     gap: FloatArray
+    """Covariance of the slope by what the model misses, (T, d, d)."""
     freedom: FloatArray
+    """Degrees of freedom behind the noise of each test, (T,)."""
     gap_freedom: float
+    """Those behind the gap."""
     gap_squares: tuple[float, float] = (0.0, 0.0)
+    """Mean squared amplitude of the gap on the fundamentals and on the harmonics, relative to the output's range."""
 
     def embedded(self, index: FloatArray, jacobian: FloatArray, dimension: int) -> Score:
         """The same in a larger space: own coordinates at ``index``, d(own) / d(larger) = ``jacobian``."""

@@ -29,25 +29,17 @@ RESIDUAL_FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known of the residuals of each test; shapes (tests,).
-
-    Parameters
-    ----------
-    count
-        Residuals that count.
-    floor
-        NRMSD of the noise alone, from repeated periods.
-    independent
-        How many residuals are independent; all of them, to begin with.
-    gap
-        NRMSD of what the model misses, common to all tests; infinite, to begin with: equal weight for every test's
-        NRMSD², the paper's objective.
-    """
+    """What is known of the residuals of each test; shapes (tests,)."""
 
     count: FloatArray
+    """Residuals that count."""
     floor: FloatArray
+    """NRMSD of the noise alone, from repeated periods."""
     independent: FloatArray
+    """How many residuals are independent; all of them, to begin with."""
     gap: float = np.inf
+    """NRMSD of what the model misses, common to all tests; infinite, to begin with: equal weight for every test's
+    NRMSD², the paper's objective."""
 
     @property
     def variance(self) -> FloatArray:
@@ -104,13 +96,8 @@ def nrmsd(cost: FloatArray, count: FloatArray) -> FloatArray:
 def common_gap(nrmsd: FloatArray, floor: FloatArray, independent: FloatArray) -> float:
     r"""Maximum-likelihood gap :math:`m \ge 0` of :math:`\mathrm{NRMSD}_t^2 \sim f_t^2 + m^2`.
 
-    Solves :math:`\sum_t \nu_t (v_t - \mathrm{NRMSD}_t^2) / v_t^2 = 0`, :math:`v_t = f_t^2 + m^2`; 0 where the floors
-    alone explain the residuals.
-
-    Parameters
-    ----------
-    nrmsd, floor, independent
-        Per test: residual, noise floor, independent residuals.
+    Solves :math:`\sum_t \nu_t (v_t - \mathrm{NRMSD}_t^2) / v_t^2 = 0`, :math:`v_t = f_t^2 + m^2`, with the noise floors
+    f and :math:`\nu_t` independent residuals; 0 where the floors alone explain the residuals.
     """
     base = floor**2 + RESIDUAL_FLOOR**2
 
@@ -129,13 +116,8 @@ def effective_samples(residuals: FloatArray) -> float:
 
     .. math:: \nu = \min\!\left(n,\; \frac{4\,(\sum_k S_k)^2}{\sum_k S_k^2}\right)
 
-    with the periodogram :math:`S_k`. For white noise the periodogram is exponentially distributed, so that
-    :math:`E\,S^2 = 2 (E\,S)^2` and :math:`\nu \to n`; a residual confined to one line has :math:`\nu = 4`.
-
-    Parameters
-    ----------
-    residuals
-        One record, shape (n,).
+    with the periodogram :math:`S_k` of the n residuals. For white noise the periodogram is exponentially distributed,
+    so that :math:`E\,S^2 = 2 (E\,S)^2` and :math:`\nu \to n`; a residual confined to one line has :math:`\nu = 4`.
     """
     power = np.abs(np.fft.rfft(residuals - residuals.mean())[1:]) ** 2
     total = power.sum()

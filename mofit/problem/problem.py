@@ -42,34 +42,21 @@ class Problem:
     """A model and its tests over the unit cube of the free parameters; points ``u`` have shape (N, d).
 
     A point outside the cube or whose simulation fails has objective nan and log posterior -inf.
-
-    Attributes
-    ----------
-    model, system
-        The model and its vector form.
-    measurements, signals
-        The tests used, and their periods, transients and noise.
-    layout
-        Which parameters are free, and the values of the others.
-    simulator
-        The compiled model with the tests.
-    experiments
-        The tests as the simulator takes them.
-    noise
-        Counted and independent residuals per test.
-    prior
-        What earlier stages know of some free parameters.
     """
 
     model: Model
     system: System
     measurements: tuple[Measurement, ...]
     signals: tuple[SignalAnalysis, ...]
+    """Period, transient and noise of every test."""
     layout: ParameterLayout
+    """Which parameters are free, and the values of the others."""
     simulator: Simulator
     experiments: tuple[ExperimentData, ...]
+    """The tests as the simulator takes them."""
     noise: Noise
     prior: GaussianPrior = FLAT
+    """What earlier stages know of some free parameters."""
 
     @property
     def main(self) -> Problem:

@@ -15,26 +15,18 @@ from mofit.sampling.state import Run
 
 @dataclass(frozen=True)
 class Draws:
-    """Nearly independent draws; a chain is what an ensemble has.
+    """Nearly independent draws and where each comes from; a chain is what an ensemble has."""
 
-    Parameters
-    ----------
-    points
-        Shape (chain, draw, d).
-    log_prob
-        Log posterior, shape (chain, draw).
-    walker, step
-        Where each draw comes from, shape (chain, draw).
-    """
-
-    points: FloatArray
-    log_prob: FloatArray
-    walker: NDArray[np.int64]
-    step: NDArray[np.int64]
+    points: FloatArray  # (chain, draw, d)
+    log_prob: FloatArray  # log posterior, (chain, draw)
+    walker: NDArray[np.int64]  # (chain, draw)
+    step: NDArray[np.int64]  # (chain, draw)
 
 
 def thin(chain: FloatArray, log_prob: FloatArray, home: NDArray[np.bool_], every: int, first: int = 0) -> Draws:
-    """Every `every`-th step of each ensemble, the walkers side by side.
+    """Every `every`-th step of each ensemble after the `first` ones, the walkers side by side.
+
+    Draws are in the order of the steps, so that a split of the draws is a split in time.
 
     Parameters
     ----------
@@ -42,67 +34,51 @@ def thin(chain: FloatArray, log_prob: FloatArray, home: NDArray[np.bool_], every
         Shapes (ensemble, step, walker, d) and (ensemble, step, walker).
     home
         Walkers to use, shape (ensemble, walker); of each ensemble as many as the smallest has.
-    every
-        Steps from draw to draw: the autocorrelation time makes them nearly independent.
-    first
-        Steps left out at the beginning.
-
-    Returns
-    -------
-    Draws in the order of the steps, so that a split of the draws is a split in time.
     """
     steps = np.arange(first + every - 1, chain.shape[1], every)
     count = int(home.sum(axis=1).min())
     walkers = np.stack([np.flatnonzero(row)[:count] for row in home])
     picked = np.arange(len(chain))[:, None, None], steps[None, :, None], walkers[:, None, :]
     shape = (len(chain), len(steps) * count)
+    _, step, walker = np.broadcast_arrays(*picked)
     return Draws(
         points=chain[picked].reshape(*shape, chain.shape[3]),
         log_prob=log_prob[picked].reshape(shape),
-        walker=np.broadcast_to(picked[2], (len(chain), len(steps), count)).reshape(shape),
-        step=np.broadcast_to(picked[1], (len(chain), len(steps), count)).reshape(shape),
+        walker=walker.reshape(shape),
+        step=step.reshape(shape),
     )
 
 
 @dataclass(frozen=True)
 class Chains:
-    """Production chains of one mode in unit coordinates, with their convergence numbers.
-
-    Parameters
-    ----------
-    chain, log_prob
-        Raw steps, shapes (ensemble, step, walker, d) and (ensemble, step, walker).
-    acceptance
-        Share of accepted proposals, shape (ensemble,).
-    tau
-        Autocorrelation time in steps, per parameter, over the walkers of all ensembles, shape (d,).
-    ess, r_hat
-        Effective number and rank-normalised split R-hat of `thinned` draws, shape (d,): what ArviZ shows for them.
-    discard
-        First steps left out of the draws: two autocorrelation times.
-    stuck, left
-        Walkers that did not move, or left for another mode (`stuck_walkers`), (ensemble, walker); not in the draws.
-    converged, reasons
-        Whether every requirement of the settings is met, and if not, which are not.
-    burn_in
-        Steps of burn-in per ensemble (not in `chain`).
-    evaluations
-        Log posteriors computed in all.
-    """
+    """Production chains of one mode in unit coordinates, with their convergence numbers."""
 
     chain: FloatArray
+    """Raw steps, shape (ensemble, step, walker, d)."""
     log_prob: FloatArray
+    """Their log posterior, shape (ensemble, step, walker)."""
     acceptance: FloatArray
+    """Share of accepted proposals, shape (ensemble,)."""
     tau: FloatArray
+    """Autocorrelation time in steps, per parameter, over the walkers of all ensembles, shape (d,)."""
     ess: FloatArray
+    """Effective number of `thinned` draws, shape (d,): what ArviZ shows for them; likewise `r_hat`."""
     r_hat: FloatArray
+    """Rank-normalised split R-hat."""
     discard: int
+    """First steps left out of the draws: two autocorrelation times."""
     stuck: NDArray[np.bool_]
+    """Walkers that did not move (`stuck_walkers`), (ensemble, walker); not in the draws."""
     left: NDArray[np.bool_]
+    """Walkers that left for another mode, likewise."""
     converged: bool
+    """Whether every requirement of the settings is met."""
     reasons: tuple[str, ...]
+    """Those that are not."""
     burn_in: int
+    """Steps of burn-in per ensemble (not in `chain`)."""
     evaluations: int
+    """Log posteriors computed in all."""
 
     @property
     def steps(self) -> int:
@@ -135,19 +111,16 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
     points = _draws(chain, log_prob, lost, tau, discard).points
     ess, mixing = effective_size(points), r_hat(points)
 
-    share = float(lost.mean())
     usable, wanted = steps - discard, settings.tau_multiple * longest
     change = float(np.max(np.abs(tau - run.tau) / tau)) if np.isfinite(longest) else np.inf
+    astray = f"{stuck.sum()} walkers stuck and {left.sum()} of {lost.size} left for another mode"
     requirements = [
         (len(chain) >= settings.least_ensembles, f"{len(chain)} ensembles are fewer than {settings.least_ensembles}"),
         (usable > wanted, f"{usable} steps are fewer than {settings.tau_multiple:g} tau = {wanted:.0f}"),
         (change <= settings.tau_change, f"tau still changes, by {100 * change:.1f} % between checks"),
         (bool(np.all(mixing <= settings.max_r_hat)), f"R-hat is {np.max(mixing):.4f}, above {settings.max_r_hat:g}"),
         (bool(np.all(ess >= settings.min_ess)), f"ESS is {np.min(ess):.0f}, below {settings.min_ess:g}"),
-        (
-            share <= settings.max_stuck,
-            f"{int(stuck.sum())} walkers stuck and {int(left.sum())} of {lost.size} left for another mode",
-        ),
+        (lost.mean() <= settings.max_stuck, astray),
     ]
     reasons = tuple(reason for fine, reason in requirements if not fine)
     return Chains(

@@ -24,26 +24,14 @@ RandomState = Any
 
 @dataclass(frozen=True)
 class Ensemble:
-    """An ensemble of walkers and its chain so far.
+    """An ensemble of walkers, its own generator and its chain so far."""
 
-    Parameters
-    ----------
-    positions, log_prob
-        Where the walkers are, shapes (walker, d) and (walker,).
-    random_state
-        State of the ensemble's own generator.
-    chain, chain_log_prob
-        The steps so far, shapes (step, walker, d) and (step, walker).
-    accepted
-        Accepted proposals per walker over these steps, shape (walker,).
-    """
-
-    positions: FloatArray
-    log_prob: FloatArray
+    positions: FloatArray  # (walker, d)
+    log_prob: FloatArray  # (walker,)
     random_state: RandomState
-    chain: FloatArray
-    chain_log_prob: FloatArray
-    accepted: FloatArray
+    chain: FloatArray  # (step, walker, d)
+    chain_log_prob: FloatArray  # (step, walker)
+    accepted: FloatArray  # proposals over these steps, (walker,)
 
     @classmethod
     def at(cls, positions: FloatArray, log_prob: FloatArray, random_state: RandomState) -> Ensemble:

@@ -11,31 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 from mofit._typing import FloatArray
 from mofit.sampling.chains import Draws
 
-#: A posterior that keeps more than this share within `EDGE` of a bound leans on it.
-LEANING = 0.05
+#: A posterior with more than this share of its mass within `EDGE` of a bound is truncated there.
+TRUNCATED = 0.05
 EDGE = 0.01
-#: Contractions (1 - posterior sd / prior sd) below these are no learning, and little.
+#: Contractions (1 - posterior sd / prior sd) below which a parameter is not identifiable, and weakly identified.
 UNMOVED = 0.1
 WEAK = 0.5
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Draws of several modes, each with its share of the mode's weight.
+    """Draws of several modes, each with its share of the mode's weight."""
 
-    Parameters
-    ----------
-    points
-        Draws of all modes, shape (n, d).
-    weights
-        Of each draw, shape (n,), of sum 1.
-    mode
-        Which mode each draw belongs to, shape (n,).
-    """
-
-    points: FloatArray
-    weights: FloatArray
-    mode: NDArray[np.int64]
+    points: FloatArray  # (n, d)
+    weights: FloatArray  # of sum 1, (n,)
+    mode: NDArray[np.int64]  # which one each draw belongs to, (n,)
 
     def mean(self) -> FloatArray:
         """Posterior mean, shape (d,)."""
@@ -80,12 +70,12 @@ def contraction(samples: FloatArray) -> FloatArray:
 def verdict(samples: FloatArray) -> list[str]:
     """One verdict per parameter from posterior samples (n, d) in the unit cube.
 
-    ``identified``; ``weakly identified``; ``lower limit only`` (the posterior leans on the upper bound); ``upper limit
-    only`` (on the lower one); ``not identifiable`` (not moved from the prior).
+    ``identified``; ``weakly identified``; ``lower limit only`` (truncated at the upper bound); ``upper limit only`` (at
+    the lower one); ``not identifiable`` (as wide as the prior).
     """
     words = []
     for column, learnt in zip(samples.T, contraction(samples), strict=True):
-        low, high = np.mean(column < EDGE) > LEANING, np.mean(column > 1 - EDGE) > LEANING
+        low, high = np.mean(column < EDGE) > TRUNCATED, np.mean(column > 1 - EDGE) > TRUNCATED
         if learnt < UNMOVED or (low and high):
             words.append("not identifiable")
         elif high:

@@ -17,40 +17,26 @@ from mofit.sampling.settings import SampleSettings
 
 @dataclass(frozen=True)
 class Run:
-    """All ensembles of one mode and what their next step depends on.
-
-    Parameters
-    ----------
-    ensembles
-        The ensembles; at the end of burn-in, their chains are emptied.
-    proposal
-        The independence proposal.
-    time
-        The autocorrelation time that it is predicted to leave; 1 for the Laplace approximation.
-    rounds, burned
-        Rounds of burn-in done, and their steps.
-    level
-        Mean log posterior over the last round.
-    settled
-        The burn-in is over.
-    producing
-        The chains are production chains; the proposal is frozen.
-    tau
-        Autocorrelation times at the last check, shape (d,); infinite before the first.
-    evaluations
-        Log posteriors computed so far.
-    """
+    """All ensembles of one mode and what their next step depends on."""
 
     ensembles: tuple[Ensemble, ...]
+    """Their chains are emptied at the end of burn-in."""
     proposal: StudentTMixture
     tau: FloatArray
+    """Autocorrelation times at the last check, shape (d,); infinite before the first."""
     time: float = 1.0
+    """Autocorrelation time that the proposal is predicted to leave; 1 for the Laplace approximation."""
     rounds: int = 0
     burned: int = 0
+    """Steps of burn-in."""
     level: float = -np.inf
+    """Mean log posterior over the last round."""
     settled: bool = False
+    """The burn-in is over."""
     producing: bool = False
+    """The chains are production chains; the proposal is frozen."""
     evaluations: int = 0
+    """Log posteriors computed so far."""
 
     @property
     def steps(self) -> int:
