@@ -69,10 +69,8 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
 
     Parameters
     ----------
-    model
-        Without effects.
-    campaign
-        The tests that are used.
+    model, campaign
+        The model without effects, and the tests that are used.
     names
         Shipped names or ``path/to/file.py:Name``. Files join the shipped effects; if a shipped name is given, only
         the named effects take part.

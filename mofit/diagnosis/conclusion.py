@@ -24,7 +24,7 @@ _SMALLEST = 1e-16
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect with its probability, its size with a 90 % interval in ``unit``, and all its ``values``, fitted.
+    """An effect with its probability, its size with a 90 % interval in ``unit``, and all its fitted ``parameters``.
 
     ``present_in_calibration``: whether it seems to have been present in the calibration tests too.
     """
@@ -36,18 +36,16 @@ class NamedEffect:
     size_low: float
     size_high: float
     unit: str
-    values: dict[str, float]
+    parameters: dict[str, float]
     present_in_calibration: bool
 
 
 @dataclass(frozen=True)
 class Conclusion:
-    """The verdict and what it rests on.
+    """The verdict, and a sentence for people.
 
     Parameters
     ----------
-    verdict, sentence
-        In a word, and in words.
     effects
         Those of the indistinguishable models, the most probable first.
     indistinguishable
@@ -163,7 +161,7 @@ def conclude(
 def nearest(titles: Sequence[str], share: float) -> str:
     """How much the best model leaves of a gap that it does not explain."""
     percent, doubt = (f"{100 * share:.0f}", "") if round(100 * share) else ("less than 0.5", ", which is significant")
-    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of its mean square{doubt}"
+    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
 
 
 def unexplained(residuals: Residuals, unit: str) -> str:
@@ -179,7 +177,7 @@ def cause(titles: Sequence[str], others: Sequence[str], rest: float) -> str:
     start = f"Several effects cause the gap: {' and '.join(titles)}." if several else f"{titles[0]} causes the gap."
     named = "them" if several else "it"
     doubt = f" These data cannot distinguish {named} from {' or '.join(others)}." if others else ""
-    caveat = f" No known effect explains {100 * rest:.0f} % of its mean square." if rest else ""
+    caveat = f" No known effect explains {100 * rest:.0f} % of the gap's mean square." if rest else ""
     return f"{start[0].upper()}{start[1:]}{doubt}{caveat}"
 
 
@@ -213,6 +211,6 @@ def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
         size_low=size - _Z90 * sd,
         size_high=size + _Z90 * sd,
         unit=space[one.effect.size[0]].unit,
-        values={p.name: values[p.name] for p in one.effect.parameters},
+        parameters={p.name: values[p.name] for p in one.effect.parameters},
         present_in_calibration=one.present_in_calibration,
     )

@@ -32,10 +32,9 @@ _CLEAR = 4.0
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Predictions of a test that the models were not fitted to.
+    """Predictions of a test by fits to the others.
 
-    ``before`` and ``after`` are the outputs without and with the effect over the samples used, (n,); ``start`` is the
-    first of those.
+    ``before`` and ``after`` are the outputs without and with the effect over the samples used, (n,), from ``start`` on.
     """
 
     test: str
@@ -109,10 +108,8 @@ def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, FloatArray]:
     kept[:, :rows] = observed.test[None, :] != np.arange(tests)[:, None]
 
     def without(points: FloatArray, test: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found = model.linear(points)
-        return Linear(
-            np.where(kept[test], found.residual, 0.0), found.jacobian * kept[test][..., None]
-        ).normal_equations()
+        found, used = model.linear(points), kept[test]
+        return Linear(np.where(used, found.residual, 0.0), found.jacobian * used[..., None]).normal_equations()
 
     starts = np.repeat(fitted.minimum.point[None], tests, axis=0)
     points = minimise_each(without, starts, _REFIT).points
@@ -159,23 +156,13 @@ def _beyond_noise(observed: WhitenedData, residual: FloatArray) -> float:
 def _interval(fitted: Fitted, error: FloatArray, gain: FloatArray, seed: int) -> list[float]:
     """5 %, 50 % and 95 % quantiles of the share over the posterior of the parameters.
 
-    Parameters
-    ----------
-    fitted
-        The best model, fitted to all tests.
-    error
-        The fit to all tests minus the prediction without the test, (m,).
-    gain
-        By how much the effect moved that prediction, (m,).
-    seed
-        Of the draws.
+    From the ``error`` of the predictions without the test against the fit to all, (m,), and their ``gain`` by the
+    effect, (m,).
     """
     observed = fitted.hypothesis.observed
-    jacobian = -fitted.jacobian[:, fitted.free]
-    normal = jacobian.T @ jacobian + np.eye(jacobian.shape[1])
-    root = np.linalg.cholesky(np.linalg.inv(normal))
+    root = np.linalg.cholesky(np.linalg.inv(fitted.hessian))
     moved = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
-    columns = np.column_stack([error, gain, jacobian[: len(error)]])
+    columns = np.column_stack([error, gain, -fitted.jacobian[: len(error), fitted.free]])
     products = np.sum([signals.T @ signals for signals in _signals(observed, columns, observed.explainable)], axis=0)
     one, none = np.ones((_DRAWS, 1)), np.zeros((_DRAWS, 1))
     after, before = (
@@ -229,5 +216,4 @@ def _predictions(
     outputs = [model.outputs(points) for model, points in (before, after)]
     for test, output, w in observed.records:
         series = [found[test][0][test, w.start : w.start + w.count, output] for found in outputs]
-        name = observed.problem.model.outputs[output].name
-        yield HeldOut(observed.problem.tests[test], name, w.start, series[0], series[1])
+        yield HeldOut(observed.problem.tests[test], observed.problem.model.outputs[output].name, w.start, *series)

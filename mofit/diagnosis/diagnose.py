@@ -28,7 +28,7 @@ from mofit.models import Effect, Model
 from mofit.runtime.progress import Progress, silent
 
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
-_NOT_HELD_OUT = "a fit without one of the tests is too stiff to be integrated in that test; sample it faster"
+_NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it faster"
 
 
 def diagnose(
@@ -98,8 +98,8 @@ def diagnose(
         shrinkage=shrinkage,
         shrinkage_reason=reason or ("" if shrinkage else _NOT_HELD_OUT),
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
-        nrmsd_before=nrmsd(found.baseline),
-        nrmsd_after=nrmsd(found.best.fitted),
+        nrmsd_before=_nrmsd(found.baseline),
+        nrmsd_after=_nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
         seconds=time.process_time() - began,
@@ -206,7 +206,7 @@ def _why_no_shrinkage(conclusion: Conclusion, found: Attribution) -> str:
     return ""
 
 
-def nrmsd(fitted: Fitted) -> dict[str, float]:
+def _nrmsd(fitted: Fitted) -> dict[str, float]:
     """NRMSD per test over the samples used, all outputs together."""
     problem, outputs = fitted.hypothesis.observed.problem, fitted.hypothesis.outputs(fitted.minimum.point[None])
     found = {}

@@ -31,16 +31,9 @@ _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=20)
 
 @dataclass(frozen=True)
 class Fitted:
-    """A hypothesis at its minimum.
+    """A hypothesis at its minimum, the value of which is half the sum of all whitened squares, prior included.
 
-    Parameters
-    ----------
-    hypothesis
-        What was fitted.
-    minimum
-        The best point; its value is half the sum of all whitened squares, prior included.
-    residual, jacobian
-        There, (m + p,) and (m + p, d); see `mofit.diagnosis.hypothesis.Linear`.
+    ``residual`` (m + p,) and ``jacobian`` (m + p, d) are those there; see `mofit.diagnosis.hypothesis.Linear`.
     """
 
     hypothesis: Hypothesis
@@ -77,6 +70,12 @@ class Fitted:
         """
         return np.concatenate([-self.jacobian[:, self.free], np.eye(int(self.free.sum()))])
 
+    @property
+    def hessian(self) -> FloatArray:
+        """Gauss–Newton Hessian of half the sum of squares by the free parameters, the box included, (f, f)."""
+        jacobian = self.jacobian[:, self.free]
+        return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
+
     def sd(self) -> FloatArray:
         """Standard deviation of every parameter in unit coordinates, (d,); 0 at a bound."""
         sd = np.zeros(len(self.free))
@@ -94,12 +93,10 @@ class Projection:
 
     Parameters
     ----------
-    basis
-        Orthonormal columns of J, (rows, f).
+    basis, triangle
+        Q (rows, f) and R (f, f) of the QR decomposition of J.
     residual
         M r, (rows,).
-    triangle
-        R of the QR decomposition, (f, f).
     free
         Which parameters are free, (d,).
     """

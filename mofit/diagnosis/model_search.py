@@ -176,14 +176,7 @@ def best_extensions(
 ) -> list[tuple[Fitted, list[ScoreTest]]]:
     """What to add to which model: the sets for which the score tests promise the best criteria.
 
-    Parameters
-    ----------
-    level
-        Models, the best first.
-    scores
-        Score tests at each of them.
-    settings
-        How many sets, and how promising.
+    ``level`` are models, the best first, and ``scores`` the score tests at each of them.
     """
     promised: dict[tuple[str, ...], tuple[float, CandidateModel, ScoreTest]] = {}
     for base, own in zip(level, scores, strict=True):
@@ -222,14 +215,12 @@ def with_final_estimates(
 
     Parameters
     ----------
-    found
-        What was tried.
+    found, reported
+        What was tried; the models that are reported beside the best.
     observed
         The tests with their own noise.
     remainder
         Root mean square of what the best model leaves, relative to the output's range.
-    reported
-        The models that are reported beside the best.
     """
     noisy = with_discrepancy(observed, remainder, everywhere=True)
 

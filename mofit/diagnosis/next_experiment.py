@@ -33,8 +33,7 @@ class NextExperiment:
     Parameters
     ----------
     kind, frequency, amplitude, duration, rate, conditions
-        The experiment: a sine in Hz, in the input's unit, in s, with samples in Hz; conditions that differ from the
-        campaign's.
+        A sine [Hz, unit of the input, s], its sampling rate [Hz], and conditions that differ from the campaign's.
     separation
         Smallest expected difference of the criterion over all pairs, in favour of the right model.
     power
@@ -99,7 +98,6 @@ def next_experiment(
     chosen = int(np.argmax(enough))
     (means, chances), power = found[chosen], float(alone[chosen])
     pairs = _distinguished(models, chances, prior, settings.power)
-    discriminates = tuple(pair for pair, clear in pairs.items() if clear)
     conditions = {name: value for name, value in experiment.conditions.items() if value != usual.conditions.get(name)}
     proposed = NextExperiment(
         kind="sine",
@@ -111,12 +109,11 @@ def next_experiment(
         separation=float(means.min()),
         power=power,
         resolves=power >= settings.power,
-        discriminates=discriminates,
+        discriminates=tuple(pair for pair, clear in pairs.items() if clear),
         sentence="",
     )
     what = _in_words(observed.problem.model, proposed, faster=experiment.step != usual.step)
-    names = [" with ".join(one.effects) for one in models]
-    return replace(proposed, sentence=_sentence(proposed, what, len(pairs), names, settings))
+    return replace(proposed, sentence=_sentence(proposed, what, len(pairs), models, settings))
 
 
 def _rejected(
@@ -248,13 +245,9 @@ def _linearised(
 ) -> LinearisedExperiment:
     """One experiment, linearised at the fits."""
     noise = np.sqrt(_noise(observed, experiment, responses[0][0]))
-    free = [one.fitted.free for one in models]
-    known = []
-    for one in models:
-        jacobian = one.fitted.jacobian[:, one.fitted.free]
-        known.append(jacobian.T @ jacobian + np.eye(jacobian.shape[1]))
-    derivatives = [columns[:, own] / noise for (_, columns), own in zip(responses, free, strict=True)]
+    derivatives = [columns[:, one.fitted.free] / noise for (_, columns), one in zip(responses, models, strict=True)]
     length = float(experiment.time[-1] + experiment.step)
+    known = [one.fitted.hessian for one in models]
     return linearise([output / noise for output, _ in responses], derivatives, known, length)
 
 
@@ -270,16 +263,17 @@ def _in_words(model: Model, proposed: NextExperiment, *, faster: bool) -> str:
 
 
 def _sentence(
-    proposed: NextExperiment, what: str, pairs: int, names: Sequence[str], settings: NextExperimentSettings
+    proposed: NextExperiment, what: str, pairs: int, models: Sequence[CandidateModel], settings: NextExperimentSettings
 ) -> str:
     if proposed.resolves:
         return f"Next experiment: {what}."
-    who, clear = " and ".join(dict.fromkeys(names)), len(proposed.discriminates)
+    *names, last = dict.fromkeys(" with ".join(one.effects) for one in models)
+    who, clear = f"{', '.join(names)} and {last}", len(proposed.discriminates)
     percent = f"{100 * proposed.power:.0f} %"
     if clear:
-        return f"Next experiment: {what}. It distinguishes {clear} of {pairs} pairs of {who}; then diagnose again."
+        return f"Next experiment: {what}. It distinguishes {clear} of {pairs} pairs of {who}. Then diagnose again."
     if proposed.power >= settings.worthwhile:
         leaves = f"With a probability of {percent} it leaves one of {who}"
-        return f"Next experiment: {what}. {leaves}; then diagnose again."
-    best = f"the best of those tried is {what}, with a probability of {percent}"
-    return f"No sine distinguishes them reliably; {best}. Measure or calibrate {who} instead."
+        return f"Next experiment: {what}. {leaves}. Then diagnose again."
+    best = f"The best of those tried is {what}, with a probability of {percent}"
+    return f"No sine distinguishes them reliably. {best}. Measure or calibrate {who} instead."

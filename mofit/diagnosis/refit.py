@@ -79,9 +79,9 @@ def probabilities(models: Sequence[CandidateModel]) -> FloatArray:
 def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | None:
     """The hypothesis with one more effect, fitted from where the score test expects the minimum and from elsewhere.
 
-    Starts: the fitted parameters, and their expected shift, with the expected size, at the best points of the grid;
-    the fitted parameters with the typical size. Where the added effect depends on a condition that a fitted effect
-    moves, there are many minima side by side: then starts along that effect are added.
+    Starts: the fitted parameters, without and with their expected shift, at the expected size of the best points of the
+    grid; the fitted parameters with the typical size. Where the added effect depends on a condition that a fitted
+    effect moves, there are many minima side by side: then starts along that effect are added.
 
     Parameters
     ----------
@@ -95,8 +95,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | N
 
     Returns
     -------
-    Fitted or None
-        None if no start can be simulated, or if the minimum cannot be integrated more finely.
+    None if no start can be simulated, or if the minimum cannot be integrated more finely.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.discrepancies, added.discrepancy))
@@ -125,15 +124,9 @@ def is_reliable(found: Fitted) -> bool:
 def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> Fitted:
     """The model and the stages that its effects are present in, fitted in turn until nothing changes.
 
-    Or until the model would not reach the ``limit`` at the pace of the last round. Where the fits alternate between two
-    minima, the stages were never fitted where the effects ended: the worse of both counts.
-
-    Parameters
-    ----------
-    found, limit
-        As in `refit`.
-    again
-        One round: see `with_stages`.
+    Or until the model would not reach the ``limit`` of `refit` at the pace of the last round; ``again`` is one round,
+    see `with_stages`. Where the fits alternate between two minima, the stages were never fitted where the effects
+    ended: the worse of both counts.
     """
     before, gain = found, _GAIN
     for left in reversed(range(_ROUNDS)):
@@ -161,12 +154,9 @@ def with_stages(fitted: Fitted) -> Fitted:
 def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest) -> Iterator[FloatArray]:
     """Where the score test expects the minimum at the best grid points, without and with the parameters' shift."""
     points = added.candidate.discrepancies
-    order = [
-        i
-        for i in np.argsort(-added.statistics, kind="stable")
-        if points[i].present_in_calibration == added.discrepancy.present_in_calibration
-    ]
-    for place in order[:_GRID_STARTS]:
+    present = added.discrepancy.present_in_calibration
+    order = np.argsort(-added.statistics, kind="stable")
+    for place in [i for i in order if points[i].present_in_calibration == present][:_GRID_STARTS]:
         sizes = zip(added.effect.size, added.sizes[place], strict=True)
         values = {name: added.effect.neutral[name] + float(size) for name, size in sizes} | dict(points[place].point)
         yield _start(new, here, values)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
@@ -34,10 +33,9 @@ class ResidualEntry:
         Where; ``lines`` names the class.
     gap, noise
         Root mean square of the residual beyond the noise, and of the noise on the same lines, in the output's unit.
-    of_peak
-        The gap relative to the output's largest deviation from its mean.
-    share
-        Of the squares of the whole residual on the lines that can be explained.
+    of_peak, share
+        The gap relative to the output's largest deviation from its mean, and its share of the squares of the whole
+        residual on the lines that can be explained.
     p_value
         Of such a power without a gap.
     """
@@ -115,13 +113,12 @@ def residual_map(fitted: Fitted) -> ResidualMap:
     left = Remainder.of(fitted)
     observed, tests = left.observed, left.observed.problem.tests
     squares = (left.residual**2 - left.expected) * observed.variance
-    used = [observed.used_samples(i) for i in range(len(observed.records))]
+    used = map(observed.used_samples, range(len(observed.records)))
     peaks = [float(np.max(np.abs(values - values.mean()))) for values in used]
     explainable = max(float(squares[observed.explainable].clip(0).sum()), np.finfo(float).tiny)
     entries = []
     for i, (test, output, _) in enumerate(observed.records):
-        for name in (one.name for one in SPECTRAL_CLASSES):
-            here = (observed.record == i) & observed.of(name)
+        for name, here in ((one.name, (observed.record == i) & observed.of(one.name)) for one in SPECTRAL_CLASSES):
             if not here.any():
                 continue
             power = max(float(squares[here].sum()), 0.0)
@@ -153,18 +150,15 @@ def residual_map(fitted: Fitted) -> ResidualMap:
 def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
     """Mean gap per cell; its standard error from the noise on the same lines."""
     driver = first_input(observed.problem.model)
-    inputs, rates, errors = [], [], []
-    for test, _, w in observed.records:
+    columns = []
+    for (test, _, w), gap in zip(observed.records, gaps, strict=True):
         values = observed.problem.measurements[test].channel(driver)[w.start : w.start + w.count]
-        inputs.append(values)
-        rates.append(np.gradient(values, w.step))
-        errors.append(np.full(w.count, np.sqrt(np.mean(w.process.spectrum))))
-    x, v, g, e = (np.concatenate(part) for part in (inputs, rates, gaps, errors))
+        noise = np.full(w.count, np.mean(w.process.spectrum))
+        columns.append([values, np.gradient(values, w.step), np.ones(w.count), gap, noise])
+    x, v, *weights = np.concatenate(columns, axis=1)
     ends = [np.quantile(part, (0.001, 0.999)) for part in (x, v)]
     edges = [np.linspace(low, high, _CELLS + 1) for low, high in ends]
-    count, total, squares = (
-        np.histogram2d(x, v, bins=edges, weights=weights)[0] for weights in (np.ones(len(x)), g, e**2)
-    )
+    count, total, squares = (np.histogram2d(x, v, bins=edges, weights=part)[0] for part in weights)
     with np.errstate(invalid="ignore", divide="ignore"):
         return InputMap(edges[0], edges[1], total / count, np.sqrt(squares) / count)
 
@@ -230,8 +224,7 @@ def homogeneity(fitted: Fitted) -> list[Homogeneity]:
     for k, parameter in enumerate(space.parameters):
         if parameter.name in observed.problem.prior.names:
             continue
-        good: NDArray[np.bool_] = sds[:, k] < _WIDEST * _PRIOR_SD
-        good &= fitted.minimum.at_bound[k] == 0
+        good = (sds[:, k] < _WIDEST * _PRIOR_SD) & (fitted.minimum.at_bound[k] == 0)
         _, _, _, p, i_squared = cochran(moves[good, k], sds[good, k])
         place = np.repeat(point[None], int(good.sum()), axis=0)
         place[:, k] = np.clip(place[:, k] + moves[good, k], 0.0, 1.0)

@@ -84,35 +84,24 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data, every number in SI units."""
     conclusion, shrinkage, following = diagnosis.conclusion, diagnosis.shrinkage, diagnosis.next_experiment
     found = diagnosis.attribution
-    renamed = {"values": "parameters"}
     shares = ("predicted", "refitted", "low", "high", "observed")
     return {
         "schema": SCHEMA,
         "verdict": conclusion.verdict,
         "sentence": conclusion.sentence,
-        "effects": [
-            {renamed.get(key, key): value for key, value in asdict(effect).items() if key != "title"}
-            for effect in conclusion.effects
-        ],
+        "effects": [{k: v for k, v in asdict(effect).items() if k != "title"} for effect in conclusion.effects],
         "group": list(conclusion.group),
         "candidate_models": [list(one.effects) for one in conclusion.indistinguishable],
         "where": _where(diagnosis.before, found.baseline_residuals),
-        "residual": {
-            **_where(diagnosis.after, found.best_residuals),
-            "share": conclusion.residual_share,
-        },
+        "residual": {**_where(diagnosis.after, found.best_residuals), "share": conclusion.residual_share},
         "shrinkage": None if shrinkage is None else {key: getattr(shrinkage, key) for key in shares},
         "shrinkage_reason": diagnosis.shrinkage_reason,
         "next_experiment": None if following is None else asdict(following),
         "candidates": [_candidate(found, one) for one in found.score_tests],
         "left_out": dict(diagnosis.left_out),
         "homogeneity": [
-            {
-                "parameter": one.parameter,
-                "tests": len(one.tests),
-                "p_value": _number(one.p_value),
-                "i_squared": _number(one.i_squared),
-            }
+            {"parameter": one.parameter, "tests": len(one.tests)}
+            | {key: _number(getattr(one, key)) for key in ("p_value", "i_squared")}
             for one in diagnosis.homogeneity
         ],
         "nrmsd_before": dict(diagnosis.nrmsd_before),
@@ -171,15 +160,7 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "campaign": diagnosis.campaign,
         "source": diagnosis.source,
         "model_title": model.title or model.name,
-        "residual_maps": {
-            name: {
-                "residuals": [asdict(entry) for entry in located.entries],
-                "input": asdict(located.input_map),
-                "time": [asdict(part) for part in located.time_maps],
-                "squares": dict(located.squares),
-            }
-            for name, located in (("before", diagnosis.before), ("after", diagnosis.after))
-        },
+        "residual_maps": {"before": _maps(diagnosis.before), "after": _maps(diagnosis.after)},
         "fitted_models": [
             {
                 "effects": list(one.effects),
@@ -204,6 +185,15 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "test_estimates": [asdict(one) for one in diagnosis.homogeneity],
         "records": list(_records(diagnosis)),
+    }
+
+
+def _maps(located: ResidualMap) -> dict[str, Any]:
+    return {
+        "residuals": [asdict(entry) for entry in located.entries],
+        "input": asdict(located.input_map),
+        "time": [asdict(part) for part in located.time_maps],
+        "squares": dict(located.squares),
     }
 
 

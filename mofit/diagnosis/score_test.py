@@ -105,9 +105,9 @@ def score_tests(fitted: Fitted, candidates: Iterable[Candidate]) -> list[ScoreTe
     freedom = np.concatenate([freedom, np.full(len(projection.basis) - len(freedom), np.inf)])
     present = {effect.name for effect in fitted.hypothesis.effects}
     found = [_score(projection, freedom, candidate) for candidate in candidates if candidate.name not in present]
-    order = sorted(range(len(found)), key=lambda i: (found[i].p_value, -found[i].statistic))
-    adjusted = holm([found[i].p_value for i in order])
-    return [replace(found[i], p_holm=p) for i, p in zip(order, adjusted, strict=True)]
+    found.sort(key=lambda one: (one.p_value, -one.statistic))
+    adjusted = holm([one.p_value for one in found])
+    return [replace(one, p_holm=p) for one, p in zip(found, adjusted, strict=True)]
 
 
 def holm(p: Sequence[float]) -> list[float]:

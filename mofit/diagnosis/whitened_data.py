@@ -29,10 +29,8 @@ class WhitenedData:
         The model without effects, and the tests.
     records
         One per test and output, in the order of the rows: index of the test, index of the output, whitening.
-    measured
-        The observations, shape (m,).
-    record, line, spectral_class
-        Of every row: index into ``records``, line of its spectrum, index into `SPECTRAL_CLASSES`; shape (m,).
+    measured, record, line, spectral_class
+        Of every row: value, index into ``records``, line of its spectrum, index into `SPECTRAL_CLASSES`; (m,).
     phase
         Of the excitation's fundamental over the samples used, rad, per record; 0 where it does not repeat.
     calibrations

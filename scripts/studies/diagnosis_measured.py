@@ -40,12 +40,12 @@ from report_page import ROOT, header, made_with, write_page
 EMPS = {"m_b": 95.0, "d": 201.6, "F_d": 20.6, "F_0": -3.24}
 
 
-def told(found: Diagnosis) -> list[str]:
-    """What a diagnosis said, as Markdown."""
+def reported(found: Diagnosis) -> list[str]:
+    """What a diagnosis reports, as Markdown."""
     lines = [f"**{found.conclusion.sentence}** (verdict: {found.conclusion.verdict}; {found.seconds:.0f} s)", ""]
     lines += ["| effect | probability | size | 90 % interval | parameters |", "|---|---|---|---|---|"]
     for effect in found.conclusion.effects:
-        values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.values.items())
+        values = ", ".join(f"{name} = {value:.4g}" for name, value in effect.parameters.items())
         interval = f"{effect.size_low:.4g} to {effect.size_high:.4g}"
         lines.append(
             f"| {effect.title} | {effect.probability:.3f} | {effect.size:.4g} {effect.unit} | {interval} | {values} |"
@@ -73,7 +73,7 @@ def damper(data: Path, seed: int) -> list[str]:
     for key, current in (("0A", "0 A"), ("0x5A", "0.5 A")):
         campaign = import_files([data / "mr_damper_sine"], ROOT / "data" / "maps" / f"mr_damper_{key}.toml")
         found = diagnose(campaign, find_model("kelvin_voigt_damper"), (), Settings(seed=seed, jobs=1))
-        lines += [f"## Magneto-rheological damper, {current}", "", *told(found)]
+        lines += [f"## Magneto-rheological damper, {current}", "", *reported(found)]
     return lines
 
 
@@ -83,11 +83,11 @@ def emps(data: Path, seed: int) -> list[str]:
     model = with_effects(find_model("kelvin_voigt_damper"), find_effect("inertia"))
     settings = Settings(seed=seed, jobs=1, fixed={"c": 0.0, "p": 0.0}, bounds={"m_b": (0.0, 300.0)})
     found = diagnose(campaign, model, (), settings, tests=("trajectory",))
-    lines = ["## Electro-mechanical positioning system", "", *told(found)]
+    lines = ["## Electro-mechanical positioning system", "", *reported(found)]
     # what is named becomes part of the model, and the next look is finer
     named = with_effects(model, *(effect for effect in found.attribution.best.fitted.hypothesis.effects))
     again = diagnose(campaign, named, (), settings, tests=("trajectory",))
-    lines += ["With the named effect as part of the model:", "", *told(again)]
+    lines += ["With the named effect as part of the model:", "", *reported(again)]
     lines += ["| parameter | without | with the named effect | 90 % interval | SOURCE.txt |", "|---|---|---|---|---|"]
     without, best = found.attribution.baseline, found.attribution.best.fitted
     values, space = best.values, best.hypothesis.space
@@ -136,7 +136,7 @@ def silverbox(data: Path, seed: int) -> list[str]:
     multisines = tuple(m.name for m in campaign.measurements if m.name.startswith("multisine"))
     linear = find_model("oscillator")
     found = diagnose(campaign, linear, (), Settings(seed=seed, jobs=1), tests=multisines)
-    lines = ["## Silverbox", "", *told(found), "| model | error on the arrow, mV rms |", "|---|---|"]
+    lines = ["## Silverbox", "", *reported(found), "| model | error on the arrow, mV rms |", "|---|---|"]
     for fitted in (found.attribution.baseline, found.attribution.best.fitted):
         effects = fitted.hypothesis.effects
         problem = build_problem(with_effects(linear, *effects), campaign.select(["arrow"]))
@@ -176,7 +176,7 @@ class Temperature:
     rejected: bool
     loss: float
     celsius: int
-    told: list[str]
+    report: list[str]
 
 
 def temperature(moduli: FloatArray, seed: int) -> Temperature:
@@ -203,7 +203,7 @@ def temperature(moduli: FloatArray, seed: int) -> Temperature:
     )
     row = f"| {' | '.join(map(str, cells))} |"
     return Temperature(
-        row, further, found.attribution.baseline_residuals.p_value < 1e-3, float(tan.max()), degrees, told(found)
+        row, further, found.attribution.baseline_residuals.p_value < 1e-3, float(tan.max()), degrees, reported(found)
     )
 
 
@@ -234,7 +234,7 @@ def dma(data: Path, seed: int) -> list[str]:
         "",
         f"At {lossy.celsius} °C, where the loss is largest:",
         "",
-        *lossy.told,
+        *lossy.report,
     ]
 
 

@@ -58,12 +58,12 @@ def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():
 
 def test_sentences_say_what_is_left():
     little = nearest(["payne"], 0.0)
-    assert little == ". The nearest, payne, leaves less than 0.5 % of its mean square, which is significant"
-    assert nearest(["drift", "payne"], 0.3) == ". The nearest, drift with payne, leaves 30 % of its mean square"
+    assert little == ". The nearest, payne, leaves less than 0.5 % of the gap's mean square, which is significant"
+    assert nearest(["drift", "payne"], 0.3) == ". The nearest, drift with payne, leaves 30 % of the gap's mean square"
     assert (
         cause(["dry friction"], ["drift"], 0.0)
         == "Dry friction causes the gap. These data cannot distinguish it from drift."
     )
     assert cause(["delay", "drift"], [], 0.05) == (
-        "Several effects cause the gap: delay and drift. No known effect explains 5 % of its mean square."
+        "Several effects cause the gap: delay and drift. No known effect explains 5 % of the gap's mean square."
     )
