@@ -2,9 +2,8 @@
 
 from mofit.problem.adjusted import AdjustedPosterior, adjusted_posterior
 from mofit.problem.curvature_adjustment import Adjustment, Score, adjust
-from mofit.problem.joint import JointProblem
 from mofit.problem.likelihood import Noise, test_log_likelihood
-from mofit.problem.posterior import CampaignPosterior, Posterior
+from mofit.problem.posterior import CampaignPosterior, JointProblem, Posterior
 from mofit.problem.prior import FLAT, GaussianPrior, join_priors
 from mofit.problem.problem import TOLERANCE, Problem, build_problem
 
