@@ -40,15 +40,7 @@ Drawn = Callable[[xr.DataTree, Path], AbstractContextManager[None]]
 def build_report(folder: Path | str) -> Path:
     """Write ``report.html`` and ``report_data/*.json`` into a run folder, from its ``result.nc`` alone.
 
-    Parameters
-    ----------
-    folder
-        The run folder.
-
-    Returns
-    -------
-    Path
-        The page. It stands alone: style, script and figures are inside, nothing is fetched.
+    The page, which is returned, stands alone: style, script and figures are inside, nothing is fetched.
 
     Raises
     ------
@@ -66,12 +58,7 @@ def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
 def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Path:
     """Write ``uncertainty.html`` and ``uncertainty_data/*.json`` into a run folder; see `build_report`.
 
-    Parameters
-    ----------
-    folder
-        The run folder.
-    tree
-        Its result, if it is in memory already.
+    `tree` is its result, if that is in memory already.
     """
     return _write("uncertainty", open_result(folder) if tree is None else tree, _folder(folder))
 

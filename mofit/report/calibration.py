@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from mofit._typing import FloatArray
 from mofit.report.run import Run, labels, numbers
 from mofit.report.toolkit.axes import few_ticks
-from mofit.report.toolkit.blocks import Column, Section, Table, Text, words
+from mofit.report.toolkit.blocks import Column, Section, Table, Text, parameter_column, unit_column, words
 from mofit.report.toolkit.figures import MEASURED, Panels, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import display_unit, number, percent, symbol, unit_text, with_sd
+from mofit.report.toolkit.formatting import display_unit, number, percent, with_sd
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,8 @@ def calibration_section(run: Run) -> Section | None:
         bad="the residual bends: the form of the curve does not suit this specimen over the whole range.",
     )
     text = Text(
-        "Estimated before the search from tests made for them. The posterior of the main identification includes "
-        "their uncertainty."
+        "These stages estimate some parameters before the search, each from tests made for it. The posterior of the "
+        "main identification includes their uncertainty."
     )
     return Section("calibration", "Calibration stages", [text, figure, _table(run, stages)], {"stages": stages})
 
@@ -125,9 +125,9 @@ def _table(run: Run, stages: list[Stage]) -> Table:
             Column("Stage", once("name")),
             words("Tests", once("tests")),
             Column("NRMSD", [percent(stage.nrmsd) if k == 0 else "" for stage, k, _ in rows]),
-            Column("Parameter", [symbol(name) for _, _, name in rows]),
+            parameter_column(name for _, _, name in rows),
             Column("Value", [with_sd(float(stage.value[k]), float(stage.sd[k])) for stage, k, _ in rows]),
             Column("sd", [number(float(stage.sd[k]), 2) for stage, k, _ in rows]),
-            words("Unit", [unit_text(run.unit(name)) for _, _, name in rows]),
+            unit_column(run.unit(name) for _, _, name in rows),
         ]
     )

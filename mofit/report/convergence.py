@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from mofit._typing import FloatArray
 from mofit.report.run import Mode, Run, numbers
 from mofit.report.toolkit.axes import few_ticks
-from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, tabs
+from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, parameter_column, tabs
 from mofit.report.toolkit.figures import Panels, line_key, mode_colour
-from mofit.report.toolkit.formatting import count, math_symbol, number, symbol, whole_percent
+from mofit.report.toolkit.formatting import count, math_symbol, number, whole_percent
 
 R_HAT_LIMIT = 1.01
 ESS_LIMIT = 1000.0
@@ -93,7 +93,7 @@ def _table(mode: Mode, acceptance: FloatArray, tau: FloatArray, ess: FloatArray,
     rates = ", ".join(whole_percent(rate) for rate in acceptance)
     return Table(
         [
-            Column("Parameter", [symbol(name) for name in mode.parameters]),
+            parameter_column(mode.parameters),
             Column("τ (steps)", [number(value) for value in tau]),
             Column("Length / τ", [number(value) for value in lengths]),
             Column("Effective samples", [count(value) if np.isfinite(value) else "–" for value in ess]),

@@ -181,8 +181,8 @@ def corner_figure(run: Run, mode: Mode) -> Figure:
     draw_corner(extract_corner(run, mode), mode.colour, panels.axes[0])
     return panels.figure(
         f"Corner plot of the posterior of mode {mode.name}",
-        "Joint posterior of each pair of parameters. The shades hold 39, 68 and 95 % of the draws; the cross is the "
-        "MAP estimate; ticks are the 5 and 95 % quantiles (less the median where the name says so); numbers are "
+        "Joint posterior of each pair of parameters. The shades hold 39, 68 and 95 % of the draws. The cross is the "
+        "MAP estimate. Ticks are the 5 and 95 % quantiles, less the median where the name says so. Numbers are "
         "correlations. Each axis shows the central 99 % of the draws.",
         good="round, compact shapes with the cross in the darkest part.",
         bad="long thin ridges (correlated parameters), curved shapes, or shapes truncated by a bound.",

@@ -8,7 +8,18 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from mofit.report.run import Mode, Run, labels
-from mofit.report.toolkit.blocks import Block, Column, Section, Table, Text, badge, tabs, words
+from mofit.report.toolkit.blocks import (
+    Block,
+    Column,
+    Section,
+    Table,
+    Text,
+    badge,
+    parameter_column,
+    tabs,
+    unit_column,
+    words,
+)
 from mofit.report.toolkit.formatting import (
     compact,
     interval,
@@ -16,7 +27,6 @@ from mofit.report.toolkit.formatting import (
     percent,
     plus_minus,
     symbol,
-    unit_text,
     whole_percent,
     with_sd,
 )
@@ -75,7 +85,7 @@ def estimate_columns(run: Run, estimates: list[Estimate]) -> Mapping[str, Column
         Column("Mean ± sd", [plus_minus(e.mean, e.sd) for e in estimates]),
         Column("90 % interval", [interval(e.q05, e.q95, e.sd) for e in estimates]),
         Column("Noise alone, sd", [number(e.noise_sd, 2) for e in estimates]),
-        words("Unit", [unit_text(e.unit) for e in estimates]),
+        unit_column(e.unit for e in estimates),
         Column("Prior box", [f"{compact(p.lower)} … {compact(p.upper)}" for p in space.parameters]),
         Column("At bound", [{-1: "lower", 0: "–", 1: "upper"}[e.at_bound] for e in estimates]),
         Column("Contraction", [whole_percent(e.contraction, 1) for e in estimates]),
@@ -102,21 +112,10 @@ def estimates_section(run: Run) -> Section:
 
 def _table(run: Run, mode: Mode, estimates: list[Estimate]) -> Table:
     columns = estimate_columns(run, estimates)
-    heads = (
-        "Parameter",
-        "MAP",
-        "Mean",
-        "sd",
-        "90 % interval",
-        "Unit",
-        "Prior box",
-        "At bound",
-        "Contraction",
-        "Verdict",
-    )
+    left_out = ("Mean ± sd", "Noise alone, sd")
     evidence = f"{float(mode.node.attrs['log_evidence']):.2f}".replace("-", "−")
     caption = f"Mode {mode.name}: posterior probability {percent(mode.probability)}, log evidence {evidence}"
-    return Table([columns[head] for head in heads], caption + unconverged(mode))
+    return Table([column for head, column in columns.items() if head not in left_out], caption + unconverged(mode))
 
 
 def unconverged(mode: Mode) -> str:
@@ -129,9 +128,9 @@ def _others(run: Run, names: list[str]) -> Table:
     roles = dict(zip(labels(table, "parameter"), labels(table, "role"), strict=True))
     return Table(
         [
-            Column("Parameter", [symbol(name) for name in names]),
+            parameter_column(names),
             Column("Value", [compact(value) for value in space.nominal]),
-            words("Unit", [unit_text(unit) for unit in space.units]),
+            unit_column(space.units),
             words("Role", [roles[name] for name in names]),
             words("Description", [parameter.description for parameter in space.parameters]),
         ],

@@ -143,13 +143,13 @@ def per_test_section(run: Run) -> Section | None:
         "Parameters identified from each test alone, with the joint estimate",
         "A parameter per panel: minima found from one test alone, and the estimate from all tests together.",
         good="the points scatter around the line within their bars.",
-        bad="the points drift with frequency beyond their bars: the parameter compensates an effect that the model "
-        "lacks.",
+        bad="the points drift with frequency beyond their bars: the parameter compensates for an effect that the "
+        "model lacks.",
     )
     blocks: list[Block] = [
         Text(
-            "Each test identified alone, with up to three minima. They may scatter or drift with frequency while the "
-            "joint estimate does not. Then a single test does not identify the parameters, or the model is not the "
+            "Each test is identified alone, with up to three minima. They may scatter or drift with frequency while "
+            "the joint estimate does not. Then a single test does not identify the parameters, or the model is not the "
             "same at all frequencies."
         ),
         figure,
@@ -190,9 +190,9 @@ def _leverage_figure(run: Run, found: Leverage) -> Figure:
     draw_leverage(found, panels.axes[0])
     return panels.figure(
         "How the error of each test changes with each parameter at the joint estimate",
-        f"Leverage at {run.best.name}: by which share the error of a test falls with one standard deviation more (↑) "
-        f"or less (↓) of a parameter. Cells without a number: under {percent(_NOTABLE)}.",
+        f"Leverage at {run.best.name}: the share by which the error of a test falls if a parameter is one standard "
+        f"deviation larger (↑) or smaller (↓). Cells below {percent(_NOTABLE)} have no number.",
         good="small numbers without a pattern: the tests agree on the parameter.",
-        bad="one end of the frequency range prefers more, the other less: the joint value is a compromise; the model "
-        "lacks what changes between them.",
+        bad="one end of the frequency range prefers a larger value, the other a smaller one: the joint value is a "
+        "compromise, and the model lacks what changes between them.",
     )

@@ -174,8 +174,8 @@ def _summary(run: Run, found: SearchMap) -> str:
     attrs = run.tree["search"].attrs
     text = (
         f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the prior box and archived "
-        f"{len(found.archived)} of them as minima or bests of a cluster. Refinement led to {len(run.modes)} distinct "
-        f"mode{'' if len(run.modes) == 1 else 's'}."
+        f"{len(found.archived)} of them as minima or best points of clusters. Refinement led to {len(run.modes)} "
+        f"distinct mode{'' if len(run.modes) == 1 else 's'}."
     )
     undiscovered = float(attrs.get("expected_undiscovered_minima", np.nan))
     if not np.isfinite(undiscovered):
@@ -220,8 +220,8 @@ def _growth_figure(growth: Growth) -> Figure:
     panels.axes[1].set_ylim(0, 1.02)
     return panels.figure(
         "Best point and hypervolume of the front over the evaluations of the search",
-        "Left: the best point so far. Right: the share of the box between the best and the median of every objective "
-        "that some point dominates. It grows as long as the front improves.",
+        "Left: the best point so far. Right: the hypervolume, which is the share of the box from best to median of "
+        "every objective that the front dominates. It grows as long as the front improves.",
         good="both curves are flat at the end: more evaluations would find nothing new.",
         bad="a curve still moves at the end: give the search a larger budget.",
     )
@@ -264,9 +264,9 @@ def _front_figure(front: Front) -> Figure:
     best = number(100 * float(front.nrmsd.mean(axis=1).min()))
     return panels.figure(
         "Parallel coordinates of the non-dominated points",
-        f"Pareto front: {len(front.nrmsd)} points of which none is better than another at every test (smallest mean "
-        f"NRMSD {best} %). Left: the error of each at each test. Right: its parameters within the prior box. Dark is "
-        "better.",
+        f"Pareto front: {len(front.nrmsd)} points, none of them better than another at every test. The smallest mean "
+        f"NRMSD is {best} %. Left: the error of each point at each test. Right: its parameters within the prior box. "
+        "Dark is better.",
         good="the lines run close together: one set of parameters serves all tests.",
         bad="lines cross between tests on the left and diverge on the right: each test prefers other parameters; the "
         "model lacks something that changes between them.",

@@ -109,7 +109,7 @@ def _cards(run: Run, found: Headline) -> Raw:
         items.append((f"{parameters - len(found.not_identified)} of {parameters}", "parameters identified"))
     seconds = run.json("seconds")
     if seconds:
-        items.append((f"{number(seconds.get('total', sum(seconds.values())))} s", "of computing"))
+        items.append((f"{number(seconds.get('total', sum(seconds.values())))} s", "computing time"))
     return cards(items)
 
 
@@ -164,14 +164,14 @@ def _modes(run: Run, found: Headline) -> Markup:
 
 def _identified(run: Run, found: Headline) -> Markup:
     if not found.graded and not found.not_identified:
-        return Markup("<b>Parameters.</b> Nothing was sampled, so it is not known whether the data identify them.")
+        return Markup("<b>Parameters.</b> Nothing was sampled. Whether the data identify the parameters is not known.")
     if not found.not_identified:
         return Markup("<b>Parameters.</b> The data identify all {} parameters.").format(len(run.best.parameters))
-    text = Markup("<b>Parameters.</b> The data do not identify {}: read it as a range, not as a value").format(
+    text = Markup("<b>Parameters.</b> The data do not identify {}: read the interval, not the value").format(
         listed([symbol(name) for name in found.not_identified])
     )
     if found.at_bound:
-        text += Markup(" ({} at a bound of the prior box: widen it, or doubt the model)").format(
+        text += Markup(" ({} at a bound of the prior box: widen the box, or check the model)").format(
             listed([symbol(name) for name in found.at_bound])
         )
     return text + Markup(".")

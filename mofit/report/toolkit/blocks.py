@@ -8,6 +8,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from mofit.report.toolkit.formatting import symbol, unit_text
+
 
 @dataclass(frozen=True)
 class Text:
@@ -40,6 +42,16 @@ class Column:
 def words(head: Markup | str, cells: Iterable[Markup | str]) -> Column:
     """A column of words."""
     return Column(head, list(cells), words=True)
+
+
+def parameter_column(names: Iterable[str]) -> Column:
+    """The column of parameters, by their symbols."""
+    return Column("Parameter", [symbol(name) for name in names])
+
+
+def unit_column(units: Iterable[str]) -> Column:
+    """The column of their units."""
+    return words("Unit", [unit_text(unit) for unit in units])
 
 
 def wrapped(text: Markup | str) -> Markup:

@@ -201,11 +201,12 @@ def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit) -> F
             below.set_ylabel(f"deviation ({off})")
     return panels.figure(
         "Amplitude, phase and error over frequency with their bands",
-        "Above: the values. Below: the deviation of the draws, from the measured amplitude in per cent, from the "
-        "measured phase in degrees (90 % band of the measurement around 0), and from the noise floor as a ratio.",
+        "Above: the values. Below: the deviation of the draws from the measured amplitude in per cent and from the "
+        "measured phase in degrees, with the 90 % band of the measurement around 0; and the ratio of the error to the "
+        "noise floor.",
         good="the band of the draws crosses the bars of the measurement, and the error is close to the noise floor.",
-        bad="a drift over frequency beyond the bars: stiffness or damping of the model depend on frequency in another "
-        "way than those of the specimen.",
+        bad="a drift over frequency beyond the bars: the model's stiffness or damping varies with frequency "
+        "differently from the specimen's.",
     )
 
 

@@ -13,7 +13,7 @@ from mofit.report.directions import FLAT, PRIOR_SD
 from mofit.report.overlay import NINETY
 from mofit.report.per_test import PerTest, extract_per_test, per_test_panels
 from mofit.report.run import Run
-from mofit.report.toolkit.blocks import Block, Column, Section, Table, Text, badge, words
+from mofit.report.toolkit.blocks import Block, Column, Section, Table, Text, badge, parameter_column, unit_column, words
 from mofit.report.toolkit.formatting import (
     compact,
     listed,
@@ -22,7 +22,6 @@ from mofit.report.toolkit.formatting import (
     percent,
     plus_minus,
     symbol,
-    unit_text,
     whole_percent,
     with_sd,
 )
@@ -129,10 +128,11 @@ def homogeneity_section(run: Run) -> Section | None:
         return None
     results = extract_homogeneity(run, found)
     text = (
-        "Each test identified alone. If the model is right, the estimates scatter as their standard deviations "
-        "predict. Cochran's Q tests this: p is the probability of at least such a scatter (below "
-        f"{whole_percent(SIGNIFICANCE)} the tests disagree), and I² is the share of it that the standard deviations do "
-        "not explain. A parameter on which the tests disagree compensates something that differs between them."
+        "Each test is identified alone. If the model is right, the estimates scatter as their standard deviations "
+        "predict. Cochran's Q tests this: p is the probability of at least such a scatter. Below "
+        f"{whole_percent(SIGNIFICANCE)} the tests disagree. I² is the share of the scatter that the standard "
+        "deviations do not explain. A parameter on which the tests disagree compensates for something that differs "
+        "between them."
     )
     figure = per_test_panels(run, _marked(found, results), "a test alone, ± sd", "left out").figure(
         "Estimates from each test alone with their standard deviation, and the joint estimate",
@@ -156,10 +156,10 @@ def _table(run: Run, found: PerTest, results: list[Homogeneity]) -> Table:
     verdict = {None: badge("too few", "fair"), True: badge("agree", "good"), False: badge("disagree", "bad")}
     return Table(
         [
-            Column("Parameter", [symbol(r.parameter) for r in results]),
+            parameter_column(r.parameter for r in results),
             Column("Tests pooled ± sd", [plus_minus(r.pooled, r.pooled_sd) if r.used else "–" for r in results]),
             Column("All together", [with_sd(value, (high - low) / (2 * NINETY)) for value, low, high in found.joint]),
-            words("Unit", [unit_text(run.unit(r.parameter)) for r in results]),
+            unit_column(run.unit(r.parameter) for r in results),
             Column("Used", [f"{len(r.used)} of {len(found.tests)}" for r in results]),
             Column("Q", [compact(r.q, 4) for r in results]),
             Column("Degrees of freedom", [str(max(len(r.used) - 1, 0)) for r in results]),

@@ -49,7 +49,7 @@ def loops_section(run: Run) -> Section | None:
         ]
     )
     text = Text(
-        "The band that the posterior predicts for a new measurement: the model over the draws, plus the noise of the "
+        "The posterior predicts a band for a new measurement: the model at the draws, plus the noise of the "
         "measurement. If model and noise are right, 90 % of the samples lie inside. If far fewer do, the model misses "
         "something that the uncertainty of its parameters does not cover."
     )

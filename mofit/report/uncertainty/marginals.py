@@ -12,9 +12,20 @@ from mofit.report.calibration import calibrated
 from mofit.report.marginals import Marginal, draw_marginal, extract_marginal, parameter_axis
 from mofit.report.overlay import NINETY
 from mofit.report.run import Mode, Run, labels, numbers
-from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text, tabs, words
+from mofit.report.toolkit.blocks import (
+    Block,
+    Column,
+    Details,
+    Figure,
+    Section,
+    Table,
+    Text,
+    parameter_column,
+    tabs,
+    unit_column,
+)
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, band_key, line_key
-from mofit.report.toolkit.formatting import interval, parameter_label, plus_minus, symbol, unit_text, with_sd
+from mofit.report.toolkit.formatting import interval, parameter_label, plus_minus, with_sd
 
 PROFILE_RISE = 1.3528
 """Rise of the negative log posterior that bounds a 90 % profile interval: half the 90 % quantile of chi², 1 degree."""
@@ -130,8 +141,9 @@ def _figure(found: list[Comparison], mode: Mode) -> Figure:
         line_key(MEASURED, "prior", lw=1.0, ls=":"),
     ]
     caption = (
-        "Marginal posterior of each parameter, scaled to peak 1, and the prior on the same scale: it lies at the "
-        "bottom where the data inform the parameter. Parameters searched by their logarithm have a logarithmic axis."
+        "Marginal posterior of each parameter, scaled to peak 1, and the prior on the same scale. The prior lies at "
+        "the bottom where the data inform the parameter. Parameters searched by their logarithm have a logarithmic "
+        "axis."
     )
     if any(one.profile_value.size for one in found):
         caption += " The profile is the best fit with the parameter fixed there and all others free."
@@ -164,12 +176,12 @@ def _table(run: Run, found: list[Comparison]) -> Table:
 
     return Table(
         [
-            Column("Parameter", [symbol(name) for name in names]),
+            parameter_column(names),
             Column("MAP", [with_sd(one.estimate, sd) for one, sd in zip(found, sds, strict=True)]),
             Column("Draws", texts("draws")),
             Column("Profile", texts("profile")),
             Column("Curvature (Laplace)", texts("laplace")),
-            words("Unit", [unit_text(unit) for unit in space.units]),
+            unit_column(space.units),
         ],
         "90 % intervals. If all three agree, the posterior is close to Gaussian. An end with * is the bound.",
     )
@@ -194,10 +206,10 @@ def mixture_section(run: Run) -> Section | None:
     )
     table = Table(
         [
-            Column("Parameter", [symbol(name) for name in names]),
+            parameter_column(names),
             Column("Mean ± sd", [plus_minus(*row) for row in zip(data["mean"], data["sd"], strict=True)]),
             Column("90 % interval", [interval(*row) for row in zip(data["q05"], data["q95"], data["sd"], strict=True)]),
-            words("Unit", [unit_text(run.unit(name)) for name in names]),
+            unit_column(run.unit(name) for name in names),
         ],
         "All modes together.",
     )

@@ -69,7 +69,7 @@ def sentence(
     parts = [Markup(escape(_identified(estimate)))]
     if estimate.at_bound:
         side = "upper" if estimate.at_bound > 0 else "lower"
-        parts.append(Markup("its MAP estimate is at its {} bound: widen the box, or doubt the model").format(side))
+        parts.append(Markup("its MAP estimate is at its {} bound: widen the box, or check the model").format(side))
     off = abs(estimate.mean - estimate.value) / estimate.sd if estimate.sd > 0 else 0.0
     if off > 1 and not estimate.at_bound:
         parts.append(Markup("its mean is {} sd from the MAP estimate").format(number(off, 2)))
@@ -140,14 +140,14 @@ def _table(run: Run, mode: Mode, rows: list[Row]) -> Table:
     columns = estimate_columns(run, estimates)
     heads = ["Parameter", "Mean ± sd", "90 % interval", "Unit", "Contraction", "Verdict"]
     caption = (
-        f"Mode {mode.name}{unconverged(mode)} Contraction, from prior to posterior: 1 − posterior sd / prior sd, in "
-        "the prior box; 100 % is a point, at 0 % the data do not inform the parameter."
+        f"Mode {mode.name}{unconverged(mode)} Contraction is 1 − posterior sd / prior sd in the prior box: 100 % is a "
+        "point; at 0 % the data do not inform the parameter."
     )
     if any(np.isfinite(e.noise_sd) for e in estimates):
         heads.insert(3, "Noise alone, sd")
         caption += (
-            " Mean, sd and interval account for noise and model discrepancy. Beside them: the sd from noise alone, as "
-            "if the model were exact."
+            " Mean, sd and interval account for noise and model discrepancy. The sd from noise alone holds if the "
+            "model is exact."
         )
     return Table(
         [*(columns[head] for head in heads), words("Meaning", [wrapped(row.sentence) for row in rows])], caption
