@@ -70,7 +70,7 @@ def test_every_package_says_its_job_in_one_line(folder: Path) -> None:
     ("importer", "source", "complaint"),
     [
         ("simulation.step", "from mofit.problem import Problem", "up to layer 4"),
-        ("simulation.step", "def f():\n    import mofit.problem.joint", "up to layer 4"),
+        ("simulation.step", "def f():\n    import mofit.problem.posterior", "up to layer 4"),
         ("simulation.step", "if TYPE_CHECKING:\n    from mofit.problem import Problem", "up to layer 4"),
         ("problem", "from mofit import report", "up to layer 5"),
         ("optimize.swarm", "from mofit.sampling import chains", "must not know each other"),

@@ -98,25 +98,19 @@ def calibrate(
                 "a calibration of their own."
             )
             continue
-        known = {name: value for calibration in found for name, value in calibration.values.items()}
+        known = calibrated_values(found)
         free = [p.name for p in stage_model.parameters if p.name in space.names and p.name not in known]
         same = [c for c in done if c.stage == stage and c.problem.space == space.subset(free) and c.fixed_at(known)]
         if same:
             found.append(same[0])
             continue
-        problem = build_problem(
-            stage_model,
-            campaign.select(tests),
-            space=space.subset(free),
-            fixed=known,
-            settled=stage.settled,
-            jobs=jobs,
-        )
-        found.append(fit_stage(stage, problem, seed))
+        chosen, own = campaign.select(tests), space.subset(free)
+        problem = build_problem(stage_model, chosen, space=own, fixed=known, settled=stage.settled, jobs=jobs)
+        found.append(_fit_stage(stage, problem, seed))
     return found, warnings
 
 
-def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
+def _fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
     """Least squares from many starts, then once more with the independent residuals counted."""
     from scipy.stats import qmc  # late: its import takes half a second
 
@@ -130,6 +124,6 @@ def fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
     return Calibration(stage, problem, best.point, adjusted_posterior(problem, best.point).hessian)
 
 
-def calibrated_values(calibrations: Sequence[Calibration]) -> Mapping[str, float]:
+def calibrated_values(calibrations: Sequence[Calibration]) -> dict[str, float]:
     """Estimates of all stages together."""
     return {name: value for calibration in calibrations for name, value in calibration.values.items()}

@@ -32,7 +32,7 @@ class ProblemSetup:
     @cached_property
     def searched(self) -> Problem:
         """What the search sees: calibrated parameters fixed at their estimates (free with ``joint``)."""
-        known = {} if self.settings.joint else dict(calibrated_values(self.calibrations))
+        known = {} if self.settings.joint else calibrated_values(self.calibrations)
         free = [name for name in self.space.names if name not in known]
         if not free:
             message = "fixes every parameter of the search; the calibration stages estimate the others"

@@ -148,15 +148,7 @@ def with_defaults(defaults: Mapping[str, Any], test: Mapping[str, Any]) -> dict[
 
 
 def plan_text(plan: Plan, comment: str = "") -> str:
-    """The plan as TOML that `read_plan` turns into the same plan.
-
-    Parameters
-    ----------
-    plan
-        The plan.
-    comment
-        Lines for the head of the file.
-    """
+    """The plan as TOML that `read_plan` turns into the same plan; ``comment`` heads the file."""
     entries = plan.model_dump(exclude_none=True)
     tables = {key: entries.pop(key) for key in ("attributes", "conditions", "parameters", "noise", "effects", "tests")}
     lines = [f"# {line}".rstrip() for line in comment.splitlines()]

@@ -34,16 +34,7 @@ def excitation(
     - ``chirp``: :math:`A \sin`, its frequency growing exponentially from :math:`f` to ``last_frequency``;
     - ``multisine``: equal cosines with random phases at the multiples ``lines`` of :math:`f`, peak :math:`A`.
 
-    Parameters
-    ----------
-    kind
-        Kind of the test.
-    values
-        The plan's settings for it, in SI units.
-    lines
-        Harmonics of a multisine.
-    rng
-        For the phases of a multisine.
+    ``values`` are the plan's settings in SI units; ``rng`` draws the phases of a multisine.
     """
     amplitude, rate = values["amplitude"], values["sample_rate"]
     frequency = values.get("frequency")
