@@ -47,7 +47,10 @@ def _inline(self, node: nodes.math) -> None:
 
 
 def _block(self, node: nodes.math_block) -> None:
-    self.body.append(f'<div class="math">{convert(_one_row_each(node.astext()), display="block")}</div>')
+    # the browser draws a formula higher than its line: room in place of a scroll bar
+    room = "overflow-y: hidden; padding-block: 0.4em"
+    formula = convert(_one_row_each(node.astext()), display="block")
+    self.body.append(f'<div class="math" style="{room}">{formula}</div>')
     raise nodes.SkipNode
 
 

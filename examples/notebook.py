@@ -14,7 +14,7 @@ from mofit import plots
 tree = mofit.open("runs/zener")
 tree["modes/m1"]
 
-# %% ArviZ reads each solution
+# %% ArviZ reads each mode
 arviz_stats.summary(tree["modes/m1"], round_to="none")
 
 # %% Every plot draws into the axes it is given, and returns them
@@ -26,5 +26,5 @@ figure.savefig("zener.png")
 # %% The report, in a frame of its own
 mofit.report_page(tree)
 
-# %% So does a diagnosis show itself
+# %% A diagnosis displays itself, too
 mofit.diagnose(mofit.read_campaign("my_rig.nc"), mofit.find_model("kelvin_voigt_damper"))

@@ -4,7 +4,7 @@
 
 Simulated campaigns of the paper's test plan with the parameters of its Table 5 (data/plans/paper.toml without its
 hidden effect), each with noise of its own. Every one is estimated as `mofit identify` does: calibration stages first,
-then all parameters together with what the stages know, refined from the truth. Actual standard deviations are those
+then all parameters together with the stages as prior, refined from the truth. Actual standard deviations are those
 of the estimates; in brackets their 95 % interval.
 
 (a) One more test that takes as long as the nine sines together, chosen by `mofit design` for d_M: the standard
