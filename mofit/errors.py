@@ -68,14 +68,8 @@ def collected(issues: list[Issue]) -> Iterator[None]:
 def check_settings(what: str, settings: object, checks: Iterable[tuple[str, bool, str]]) -> None:
     """Raise one `InputError` with every setting that cannot be used, if there are any.
 
-    Parameters
-    ----------
-    what
-        Whose settings they are: "search", "sampler".
-    settings
-        Holds the values as attributes.
-    checks
-        Name of the attribute, whether its value can be used, and the hint if not.
+    ``what`` says whose settings they are ("search", "sampler"); a check is the name of an attribute of ``settings``,
+    whether its value can be used, and the hint if not.
     """
     raise_errors(
         Issue(f"{what} setting '{name}'", f"{getattr(settings, name)!r} cannot be used", hint)

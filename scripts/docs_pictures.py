@@ -23,7 +23,7 @@ from matplotlib.patches import Ellipse
 
 import mofit
 from mofit import plots
-from mofit.data.examples import bundled_campaign
+from mofit.data import bundled_campaign
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.spectral_classes import CLASS_INDEX, SPECTRAL_CLASSES
 from mofit.optimize.searches import mlsl

@@ -47,7 +47,7 @@ def test_the_source_archive_holds_every_committed_file(tmp_path: Path) -> None:
 
 
 def test_finds_its_bundled_campaign(installed: Path) -> None:
-    script = "from mofit.data.examples import bundled_campaign; print(bundled_campaign())"
+    script = "from mofit.data import bundled_campaign; print(bundled_campaign())"
     # the unpacked wheel goes before everything else, the checkout of an editable install too
     script = f"import sys; sys.path.insert(0, {str(installed)!r}); {script}"
     done = subprocess.run([sys.executable, "-P", "-c", script], cwd=installed, capture_output=True, text=True)

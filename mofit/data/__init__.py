@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mofit.data.campaign import Campaign, Experiment, Measurement, overview
-    from mofit.data.campaign_file import read_campaign, write_campaign
-    from mofit.data.examples import bundled_campaign
+    from mofit.data.campaign_file import bundled_campaign, read_campaign, write_campaign
     from mofit.data.importers.importer import import_files
     from mofit.data.importers.map_proposal import propose_map
     from mofit.data.quality import check_campaign
@@ -28,7 +27,7 @@ __all__ = [
 
 #: modules of the names, which are imported at first use: the process that reads a binary file needs none
 _HOMES = {
-    "bundled_campaign": "examples",
+    "bundled_campaign": "campaign_file",
     "check_campaign": "quality",
     "import_files": "importers.importer",
     "propose_map": "importers.map_proposal",

@@ -140,8 +140,7 @@ class Campaign:
     def __post_init__(self) -> None:
         where = f"campaign '{self.title}'"
         issues = [
-            Issue(where, f"the test name '{name}' is used twice", "Rename one of them")
-            for name in repeated(self.tests)
+            Issue(where, f"the test name '{name}' is used twice", "Rename one of them") for name in repeated(self.tests)
         ]
         if self.source not in ("measured", "simulated"):
             issues.append(Issue(where, f"source is '{self.source}'", "Set it to 'measured' or 'simulated'"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,27 @@ from mofit.runtime.files import read_tree, write_tree
 from mofit.units import UnitError, si_unit, to_si
 
 SCHEMA = "mofit.campaign/1"
+BUNDLED = "paper_campaign.nc"
+_HERE = Path(__file__).resolve().parent
+#: A wheel carries the bundled file beside this module; in a checkout it is in ``data/`` beside the package.
+PLACES = (_HERE, _HERE.parents[1] / "data")
 _NUMBERS = ("frequency", "amplitude", "start_time", "transient")
 _NOT_FREE_TEXT = ("schema", "title", "source")
+
+
+def bundled_campaign(places: Sequence[Path] = PLACES) -> Path:
+    """Path of the bundled (simulated) campaign: the first place that has it.
+
+    Raises
+    ------
+    InputError
+        If no place has it.
+    """
+    for folder in places:
+        if (folder / BUNDLED).is_file():
+            return folder / BUNDLED
+    message = f"this installation has no {BUNDLED}"
+    raise InputError.of("bundled campaign", message, "Name a campaign FILE, or install anew")
 
 
 def read_campaign(path: str | Path) -> Campaign:
@@ -54,7 +73,11 @@ def load(path: str | Path) -> tuple[Campaign | None, list[Issue]]:
             measurements.append(measurement)
     if not measurements or source not in ("measured", "simulated"):
         return None, issues
-    attributes = {str(key): _plain(value) for key, value in tree.attrs.items() if key not in _NOT_FREE_TEXT}
+    attributes = {
+        str(key): value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+        for key, value in tree.attrs.items()
+        if key not in _NOT_FREE_TEXT
+    }
     title = str(tree.attrs.get("title", Path(path).stem))
     return Campaign(title, source, conditions, tuple(measurements), attributes, units), issues
 
@@ -222,10 +245,6 @@ def _number(where: str, key: str, attributes: Mapping[Any, Any], issues: list[Is
     what = f"'{attributes[key]}' is no finite number"
     issues.append(Issue(f"{where}, attribute '{key}'", what, "Give a number in SI units"))
     return None
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _tree(campaign: Campaign) -> xr.DataTree:

@@ -60,18 +60,8 @@ def experiment_issues(
 ) -> list[Issue]:
     """Everything that makes a test unusable.
 
-    Parameters
-    ----------
-    where
-        Its place, for messages.
-    kind
-        Of the excitation.
-    time
-        In s, shape (n,).
-    channels
-        Channels by name under ``"input"`` and ``"output"``; shape (n,) each.
-    frequency
-        On the label, in Hz, where there is one.
+    ``time`` is in s, shape (n,); ``channels`` by name, shape (n,) each, are under ``"input"`` and ``"output"``;
+    ``frequency`` is that of the label, in Hz.
     """
     issues = time_issues(where, time)
     for group in channels.values():
@@ -124,21 +114,8 @@ def whole_period_issues(where: str, kind: str, time: FloatArray, frequency: floa
 def longest_stretch(time: FloatArray, signals: Iterable[FloatArray]) -> tuple[slice, int]:
     """The longest stretch of a record without a gap, and the number of gaps in the whole record.
 
-    A gap is a run of samples at which the time or a signal is not finite, or a missing time stamp between two samples.
-
-    Parameters
-    ----------
-    time
-        Time stamps, shape (n,).
-    signals
-        What was recorded, shape (n,) each.
-
-    Returns
-    -------
-    stretch
-        Which samples; none if no sample is finite.
-    gaps
-        Number of gaps, those at the ends included.
+    A gap is a run of samples at which the time (n,) or a signal (n,) is not finite, or a missing time stamp between two
+    samples. Gaps at the ends count. The stretch is empty if no sample is finite.
     """
     finite = np.isfinite(time) & np.all([np.isfinite(signal) for signal in signals], axis=0)
     steps = np.diff(time)

@@ -68,14 +68,8 @@ def ready_beside(prepare: Callable[[], None]) -> Iterator[Start]:
 def forked_map(function: Callable[[S], T], items: Sequence[S], processes: int, first: Sequence[S] = ()) -> list[T]:
     """``[function(item) for item in items]``, computed by forked processes where that is possible.
 
-    Parameters
-    ----------
-    function, items
-        Need not pickle; what is returned must.
-    processes
-        How many.
-    first
-        Items that take longest: they are begun first, so that the processes end together.
+    What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
+    so that the processes end together.
     """
     if processes < 2 or not may_fork():
         return [function(item) for item in items]

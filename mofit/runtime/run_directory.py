@@ -56,16 +56,8 @@ class RunFolder:
 def plan_folder(out: Path | None, stem: str, configuration: Mapping[str, Any], *, resume: bool) -> RunFolder:
     """Find the folder of a run; nothing is written yet.
 
-    Parameters
-    ----------
-    out
-        The folder asked for; by default the next free ``runs/<stem>``, ``runs/<stem>-2`` …
-    stem
-        Base of the default name.
-    configuration
-        Everything that decides the run's numbers; a run is resumed only with the same.
-    resume
-        Take up an interrupted run.
+    By default it is the next free one of ``runs/<stem>``, ``runs/<stem>-2`` … With ``resume`` it is that of an
+    interrupted run of the same ``configuration``, which is everything that decides the run's numbers.
 
     Raises
     ------

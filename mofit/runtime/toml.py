@@ -33,20 +33,10 @@ def read_toml(
     docs: str,
     with_defaults: Callable[[Table, Table], Table],
 ) -> Schema:
-    """Read and check a file.
+    """Read a file and check it against the ``schema``.
 
-    Parameters
-    ----------
-    path
-        The file.
-    what
-        What it is, for messages: ``"map"``, ``"plan"``.
-    schema
-        What it must hold.
-    docs
-        Where its keys are listed, for messages.
-    with_defaults
-        ``(defaults, test) -> test``: merges the file's table ``defaults`` into one of its ``tests``.
+    Messages name ``what`` it is (``"map"``, ``"plan"``) and the ``docs`` that list its keys.
+    ``with_defaults(defaults, test)`` merges the file's table ``defaults`` into one of its ``tests``.
 
     Raises
     ------

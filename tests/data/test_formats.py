@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mofit.cli import main
 from mofit.data import import_files, overview
-from mofit.data.importers.registry import import_formats, known_endings
+from mofit.data.importers.registry import known_endings
 from mofit.data.importers.table import read_table
 from mofit.errors import InputError
 
@@ -84,27 +84,6 @@ def test_without_the_extra_one_message_names_it(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(InputError, match=r"asammdf, which is not installed.*mofit\[mdf\]"):
         read_table(tmp_path / "a.mf4")
-
-
-SQUARES = """
-import numpy as np
-from mofit.data.importers.registry import ImportFormat
-
-FORMAT = ImportFormat(
-    name="Squares", versions="", endings=(".sq",), columns="n and its square", units="none",
-    read=lambda path: ({"n": np.arange(3.0), "square": np.arange(3.0) ** 2}, {}),
-)
-"""
-
-
-def test_a_new_format_is_one_file(tmp_path, monkeypatch):
-    (tmp_path / "own_formats").mkdir()
-    (tmp_path / "own_formats" / "__init__.py").touch()
-    (tmp_path / "own_formats" / "squares.py").write_text(SQUARES)
-    (tmp_path / "a.sq").write_text("3")
-    monkeypatch.syspath_prepend(tmp_path)
-    table = read_table(tmp_path / "a.sq", formats=import_formats("own_formats"))
-    assert table.column("square").tolist() == [0, 1, 4]
 
 
 def test_the_help_lists_every_ending(capsys):

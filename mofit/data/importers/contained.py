@@ -11,7 +11,6 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from mofit.data.importers.registry import Columns, ImportFormat, format_of
 from mofit.errors import InputError, Issue
@@ -57,9 +56,7 @@ class Contained:
     def __enter__(self) -> Contained:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stop()
 
     def columns(self, path: Path) -> Columns:
@@ -110,14 +107,8 @@ class Contained:
 
     def _stop(self) -> None:
         if self.process is not None:
-            for pipe in (self.process.stdin, self.process.stdout):
-                assert pipe is not None
-                try:
-                    pipe.close()
-                except BrokenPipeError:
-                    continue
             self.process.kill()
-            self.process.wait()
+            self.process.communicate()  # closes the pipes and waits
             self.process = None
         if self.folder is not None:
             self.folder.cleanup()

@@ -27,14 +27,8 @@ _UNITS = {"frequency": "Hz", "amplitude": None, "start_time": "s", "transient": 
 def import_files(sources: Sequence[Path], map_path: Path, contained: Contained | None = None) -> Campaign:
     """Read the tests that a map names into one campaign, in SI units.
 
-    Parameters
-    ----------
-    sources
-        Files, and folders of files, in which the map's file names are looked up; without any, the folder of the map.
-    map_path
-        The map file.
-    contained
-        Process that reads formats which a library parses; by default one for this import.
+    The map's file names are looked up in the ``sources``, files and folders; without any, in the folder of the map.
+    Formats that a library parses are read by ``contained``, by default a process for this import.
 
     Raises
     ------

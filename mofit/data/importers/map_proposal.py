@@ -40,14 +40,8 @@ def propose_map(sources: Sequence[Path], contained: Contained | None = None) -> 
 
     Names are compared with `mofit.data.importers.channel_aliases`; a column whose unit does not fit is skipped. Where
     the file has no unit, the size of the values decides. Files in which no input and output are found are left out.
-    Comments report both.
-
-    Parameters
-    ----------
-    sources
-        Files, and folders of files.
-    contained
-        Process that reads formats which a library parses; by default one for this proposal.
+    Comments report both. The ``sources`` are files, and folders of files. Formats that a library parses are read by
+    ``contained``, by default a process for this proposal.
 
     Raises
     ------
@@ -60,12 +54,6 @@ def propose_map(sources: Sequence[Path], contained: Contained | None = None) -> 
     if not chosen:
         raise InputError.of("--guess", "no file of a known format", f"Give files that end in {', '.join(endings)}")
     title = Path(sources[0]).stem.replace("_", " ") if len(sources) == 1 else "My specimen"
-    head = [
-        f"title = {toml_value(title)}",
-        'source = "measured"',
-        "# a proposal: check every line before you import",
-        "",
-    ]
     # values that overflow are not used
     lines: list[str] = []
     skipped: list[Issue] = []
@@ -75,7 +63,9 @@ def propose_map(sources: Sequence[Path], contained: Contained | None = None) -> 
                 lines += _test(name, read_table(path, contained))
     if not lines:
         raise InputError(skipped)
-    return "\n".join([*head, *(f"# skipped: {_line(i.where)}: {_line(i.message)}" for i in skipped), *lines])
+    head = [f"title = {toml_value(title)}", 'source = "measured"', "# a proposal: check every line before you import"]
+    notes = [f"# skipped: {_line(issue.where)}: {_line(issue.message)}" for issue in skipped]
+    return "\n".join([*head, "", *notes, *lines])
 
 
 def _line(text: str) -> str:
@@ -101,13 +91,12 @@ def _test(file: str, table: Table) -> Iterator[str]:
     yield f'procedure = "{procedure}"'
     if frequency:
         yield f'frequency = "{frequency:.4g} Hz"  # from the input; amplitude = "…" may be added'
-    yield (
-        f"time = {_entry(time)}"
-        if time
-        else ('time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"')
-    )
-    if time and (others := _other_times(table, time)):
-        yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
+    if time is None:
+        yield 'time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"'
+    else:
+        yield f"time = {_entry(time)}"
+        if others := _other_times(table, time):
+            yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
     yield from ("", "[tests.channels]", *(f"{name} = {_entry(found)}" for name, found in channels.items()))
     conditions = {
         name: found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -71,19 +71,19 @@ class ImportFormat:
 
 
 @cache
-def import_formats(package: str = "mofit.data.importers.formats") -> tuple[ImportFormat, ...]:
-    """Every format that a module of the package declares, by the name of the module."""
-    folder = import_module(package)
-    modules = [import_module(f"{package}.{found.name}") for found in iter_modules(folder.__path__)]
+def import_formats() -> tuple[ImportFormat, ...]:
+    """Every format that a module of `mofit.data.importers.formats` declares, by the name of the module."""
+    package = import_module("mofit.data.importers.formats")
+    modules = [import_module(f"{package.__name__}.{found.name}") for found in iter_modules(package.__path__)]
     return tuple(value for module in modules for value in vars(module).values() if isinstance(value, ImportFormat))
 
 
-def known_endings(formats: Iterable[ImportFormat] = ()) -> tuple[str, ...]:
+def known_endings() -> tuple[str, ...]:
     """Endings of all formats, in their order."""
-    return tuple(ending for found in formats or import_formats() for ending in found.endings)
+    return tuple(ending for known in import_formats() for ending in known.endings)
 
 
-def format_of(path: Path, formats: Iterable[ImportFormat] = ()) -> ImportFormat:
+def format_of(path: Path) -> ImportFormat:
     """The format by the ending of the file's name, ``.gz`` aside; text of another format by its first bytes.
 
     Raises
@@ -91,17 +91,16 @@ def format_of(path: Path, formats: Iterable[ImportFormat] = ()) -> ImportFormat:
     InputError
         If the ending is unknown.
     """
-    formats = tuple(formats) or import_formats()
     endings = [ending.lower() for ending in path.suffixes if ending.lower() != ".gz"]
     ending = endings[-1] if endings else ""
-    named = next((one for one in formats if ending in one.endings), None)
+    named = next((known for known in import_formats() if ending in known.endings), None)
     if named is None:
-        hint = did_you_mean(ending, known_endings(formats))
+        hint = did_you_mean(ending, known_endings())
         raise InputError.of(f"file '{path.name}'", f"unknown format '{ending}'", hint)
     if named.contained:
         return named
     start = _start_of(path)
-    return next((one for one in formats if one.recognises and one.recognises(start)), named)
+    return next((known for known in import_formats() if known.recognises and known.recognises(start)), named)
 
 
 def _start_of(path: Path) -> bytes:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mofit._typing import FloatArray
 from mofit.data.importers.contained import Contained
-from mofit.data.importers.registry import ImportFormat, format_of
+from mofit.data.importers.registry import format_of
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 
 
@@ -45,17 +46,10 @@ class Table:
         return self.columns[self.name_of(key)]
 
 
-def read_table(path: Path, contained: Contained | None = None, formats: Iterable[ImportFormat] = ()) -> Table:
+def read_table(path: Path, contained: Contained | None = None) -> Table:
     """Read a file of any known format (`mofit.data.importers.registry`).
 
-    Parameters
-    ----------
-    path
-        The file.
-    contained
-        Process that reads formats which a library parses; by default one for this file alone.
-    formats
-        By default all that ship with mofit.
+    Formats that a library parses are read by ``contained``, by default a process for this file alone.
 
     Raises
     ------
@@ -64,15 +58,13 @@ def read_table(path: Path, contained: Contained | None = None, formats: Iterable
     """
     where = f"file '{path.name}'"
     try:
-        known = format_of(path, formats)
+        known = format_of(path)
         if path.stat().st_size == 0:
             raise InputError.of(where, "the file has zero length", "Copy it again")
         if not known.contained:
             return Table(path.name, *known.read(path))
-        if contained is not None:
-            return Table(path.name, *contained.columns(path))
-        with Contained() as own:
-            return Table(path.name, *own.columns(path))
+        with nullcontext(contained) if contained else Contained() as process:
+            return Table(path.name, *process.columns(path))
     except OSError as error:
         raise InputError.of(where, f"cannot be opened ({error.strerror or error})", "Check its permissions") from error
 
