@@ -9,9 +9,8 @@ from mofit.report.corner import corner_section
 from mofit.report.directions import directions_section, posterior_section
 from mofit.report.errors import errors_section
 from mofit.report.estimates import estimates_section
-from mofit.report.method import run_method_section, uncertainty_method_section
+from mofit.report.method import provenance_section, run_method_section, uncertainty_method_section
 from mofit.report.per_test import per_test_section
-from mofit.report.provenance import provenance_section
 from mofit.report.search import search_section
 from mofit.report.signals import signals_section
 from mofit.report.summary import summary_section

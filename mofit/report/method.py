@@ -1,13 +1,28 @@
-"""The method sections of both pages, with their sources."""
+"""How a result came about: the provenance of the run, and the method of both pages with its sources."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from markupsafe import Markup
 
 from mofit.report.convergence import ESS_LIMIT, LENGTH_LIMIT, R_HAT_LIMIT
 from mofit.report.directions import FLAT, STRONG
 from mofit.report.run import Run
-from mofit.report.toolkit.blocks import Section, method_section
-from mofit.report.toolkit.formatting import count, whole_percent
+from mofit.report.toolkit.blocks import Block, Column, Details, Section, Table, method_section, words
+from mofit.report.toolkit.formatting import count, number, whole_percent
 
+_FACTS = {
+    "model": "Model",
+    "campaign_title": "Campaign",
+    "campaign_source": "Source of the data",
+    "campaign_hash": "Campaign hash",
+    "configuration_hash": "Configuration hash",
+    "seed": "Seed",
+    "mofit_version": "mofit version",
+    "created": "Created",
+}
 _EMCEE = (
     "Foreman-Mackey D, Hogg DW, Lang D, Goodman J. emcee: The MCMC Hammer. Publications of the Astronomical Society of "
     "the Pacific 125, 306–312, 2013."
@@ -16,6 +31,48 @@ _R_HAT = (
     "Vehtari A, Gelman A, Simpson D, Carpenter B, Bürkner PC. Rank-normalization, folding, and localization: an "
     "improved R-hat for assessing convergence of MCMC. Bayesian Analysis 16(2), 667–718, 2021."
 )
+
+
+def _flattened(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """Nested settings as (dotted name, text) pairs."""
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _flattened(item, f"{path}.{name}" if path else str(name))
+    elif isinstance(value, list):
+        yield path, ", ".join(map(str, value)) or "–"
+    else:
+        yield path, "–" if value is None else str(value)
+
+
+def provenance_section(run: Run) -> Section:
+    """Facts, seconds and evaluations per stage, settings, versions."""
+    facts = {name: str(run.tree.attrs[name]) for name in _FACTS}
+    seconds, evaluations = run.json("seconds"), run.json("evaluations")
+    configuration, versions = run.json("configuration"), run.json("library_versions")
+    stages = list(dict.fromkeys([*seconds, *evaluations]))
+    work = Table(
+        [
+            Column("Stage", stages),
+            Column("Seconds", [number(float(seconds[stage])) if stage in seconds else "–" for stage in stages]),
+            Column("Evaluations", [count(evaluations[s]) if s in evaluations else "–" for s in stages]),
+        ],
+        "Wall time and model evaluations (one evaluation: all tests once).",
+    )
+    blocks: list[Block] = [
+        _pairs("", "", zip(_FACTS.values(), facts.values(), strict=True)),
+        work,
+        Details("Settings", [_pairs("Setting", "Value", _flattened(configuration))]),
+        Details("Library versions", [_pairs("Library", "Version", _flattened(versions))]),
+    ]
+    data = {"facts": facts, "seconds": seconds, "evaluations": evaluations, "configuration": configuration}
+    return Section("provenance", "Provenance", blocks, data | {"versions": versions})
+
+
+def _pairs(name: str, value: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of two columns, of which the second may break into lines anywhere."""
+    cell = Markup('<span style="white-space:normal;overflow-wrap:anywhere">{}</span>')
+    names, values = zip(*rows, strict=True)
+    return Table([Column(name, names), words(value, [cell.format(text) for text in values])])
 
 
 def run_method_section(run: Run) -> Section:
