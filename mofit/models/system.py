@@ -53,10 +53,7 @@ def build_system(model: Model) -> System:
         "c": tuple(condition.name for condition in model.conditions),
     }
     names = [name for group in groups.values() for name in group]
-    raise_errors(
-        Issue(where, f"the name '{name}' is declared twice", "Rename one of them")
-        for name in repeated(names)
-    )
+    raise_errors(Issue(where, f"the name '{name}' is declared twice", "Rename one of them") for name in repeated(names))
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()
     symbols = Symbols(base, groups["u"], [(effect.apply, target) for effect, target in effects])
