@@ -89,7 +89,11 @@ def descend(
             _advance(active[k], int(row), trials[k], values[k], slopes[k], settings)
         if tabu > 0:
             _reject(running, tabu)
-    return [(s.archive, Endpoint(s.row, s.point, s.cost, s.inverse)) for s in running if s.state != "rejected"]
+    return [
+        (s.archive, Endpoint(s.row, s.point, s.cost, s.inverse, s.state == "ended"))
+        for s in running
+        if s.state != "rejected"
+    ]
 
 
 def _begin(

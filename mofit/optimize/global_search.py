@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,6 +69,14 @@ class SearchResult:
     expected_undiscovered
         Expected number of undiscovered minima (`mofit.optimize.minima_archive.expected_undiscovered`); None where
         there is no estimate.
+    complete
+        Whether that number fell below the search's limit before the budget was spent; None where there is no estimate.
+    found_by
+        Stage of the search that found each archived point, ``swarm`` or ``completion``; empty where there is one alone.
+    generations
+        Rows of `points` that hold the population of every generation, shape (generation, member); empty if not kept.
+    generation_labels
+        Their clusters, counted from 0, in all generations the same; -1 where the evaluation failed.
     """
 
     points: FloatArray
@@ -81,6 +89,10 @@ class SearchResult:
     history: tuple[Iteration, ...]
     gradients: int = 0
     expected_undiscovered: float | None = None
+    complete: bool | None = None
+    found_by: tuple[str, ...] = ()
+    generations: Indices = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
+    generation_labels: Indices = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
 
     @property
     def evaluations(self) -> int:

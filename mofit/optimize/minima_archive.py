@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,14 @@ _PLACES = (np.array([0.5]), np.array([0.2, 0.35, 0.65, 0.8]))
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where a descent ended: row of the point in the log, point, cost, and the BFGS inverse Hessian."""
+    """Where a descent ended: row in the log, point, cost, BFGS inverse Hessian, and the stage that started it."""
 
     row: int
     point: FloatArray
     cost: float
     inverse: FloatArray
+    finished: bool
+    found_by: str = ""
 
 
 class MinimaArchive:
@@ -113,7 +115,9 @@ class MinimaArchive:
         return np.asarray((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
-def add_if_new(log: EvaluationLog, archive: MinimaArchive, end: Endpoint, scale: float, merge: float) -> None:
+def add_if_new(
+    log: EvaluationLog, archive: MinimaArchive, end: Endpoint, scale: float, merge: float, found_by: str
+) -> None:
     """Add the end of a descent to the archive, unless it is a known minimum.
 
     It is known if it lies within ``merge`` of the nearest, or if a hill-valley test (Ursem 1999; it costs evaluations)
@@ -129,27 +133,41 @@ def add_if_new(log: EvaluationLog, archive: MinimaArchive, end: Endpoint, scale:
         Interquartile range of the cost over the box: a hill is measured by it.
     merge
         Ends this close are one minimum.
+    found_by
+        The stage of the search; a known minimum keeps the stage that found it first.
     """
+    if archive.ends and not end.finished:
+        return
     archive.inverses.append(end.inverse)
     if archive.ends:
         nearest = int(np.argmin(archive.gaps(end.point)))
         known = archive.ends[nearest]
         same = bool(np.linalg.norm(known.point - end.point) < merge)
-        same = same or not _hill_between(log, archive, known, end, scale)
+        same = same or not _hill_between(log, archive, known, end.point, end.cost, scale)
         if same:
             if end.cost < known.cost:
-                archive.replace(nearest, end)
+                archive.replace(nearest, replace(end, found_by=known.found_by))
             return
-    archive.add(end)
+    archive.add(replace(end, found_by=found_by))
 
 
-def _hill_between(log: EvaluationLog, archive: MinimaArchive, known: Endpoint, end: Endpoint, scale: float) -> bool:
-    """Whether a point between two ends is higher than both; true if the budget does not allow the test."""
-    top = max(known.cost, end.cost) + _LEAST_RISE * scale
+def in_known_basin(log: EvaluationLog, archive: MinimaArchive, point: FloatArray, cost: float, scale: float) -> bool:
+    """Whether no hill lies between a point and the nearest known minimum (Ursem's test, which costs evaluations)."""
+    if not archive.ends:
+        return False
+    known = archive.ends[int(np.argmin(archive.gaps(point)))]
+    return not _hill_between(log, archive, known, point, cost, scale)
+
+
+def _hill_between(
+    log: EvaluationLog, archive: MinimaArchive, known: Endpoint, point: FloatArray, cost: float, scale: float
+) -> bool:
+    """Whether a point on the line is higher than both of its ends; true if the budget does not allow the test."""
+    top = max(known.cost, cost) + _LEAST_RISE * scale
     for places in _PLACES:
         if log.left < len(places):
             return True
-        _, values = log.evaluate(known.point + places[:, None] * (end.point - known.point))
+        _, values = log.evaluate(known.point + places[:, None] * (point - known.point))
         if np.any(archive.cost(values) > top):
             return True
     return False

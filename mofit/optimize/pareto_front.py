@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import moocore
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mofit._typing import FloatArray
 from mofit.optimize.evaluation_log import EvaluationLog
@@ -91,7 +92,7 @@ def hypervolume_history(objectives: FloatArray, evaluations: FloatArray) -> Floa
     return np.array([hypervolume(objectives[:n], ideal, reference) for n in evaluations])
 
 
-def fill_front(log: EvaluationLog, archive: MinimaArchive, rng: np.random.Generator) -> None:
+def fill_front(log: EvaluationLog, archive: MinimaArchive, rng: np.random.Generator, candidates: int = 1) -> None:
     r"""Spend the rest of the budget on points between non-dominated ones.
 
     .. math:: u = \sum_{i=1}^{3} w_i u_i, \qquad w \sim \mathrm{Dirichlet}(1, 1, 1),
@@ -109,6 +110,9 @@ def fill_front(log: EvaluationLog, archive: MinimaArchive, rng: np.random.Genera
         Minima of the weighted mean.
     rng
         Draws the parents and their weights.
+    candidates
+        Points drawn per one evaluated: of all drawn, those farthest from the front and from one another are taken,
+        in standard deviations of its coordinates.
     """
     while log.left > 0:
         points = log.points
@@ -116,7 +120,21 @@ def fill_front(log: EvaluationLog, archive: MinimaArchive, rng: np.random.Genera
         if len(front) < 2:
             return
         mode = archive.nearest(points[front])
-        first = rng.integers(len(front), size=min(_BATCH, log.left))
+        count = min(_BATCH, log.left)
+        first = rng.integers(len(front), size=candidates * count)
         parents = np.stack([front[rng.choice(np.flatnonzero(mode == mode[k]), _PARENTS)] for k in first])
         weights = rng.dirichlet(np.ones(_PARENTS), len(first))
-        log.evaluate(np.einsum("nk,nkd->nd", weights, points[parents]))
+        drawn = np.einsum("nk,nkd->nd", weights, points[parents])
+        log.evaluate(drawn[_farthest(drawn, points[front], count)])
+
+
+def _farthest(drawn: FloatArray, known: FloatArray, count: int) -> Indices:
+    """Which of the points drawn are farthest from the known ones and from those chosen before, in ascending order."""
+    scale = np.maximum(known.std(axis=0), np.finfo(float).tiny)
+    distance = cKDTree(known / scale).query(drawn / scale)[0]
+    chosen = np.empty(count, dtype=np.int64)
+    for place in range(count):
+        chosen[place] = np.argmax(distance)
+        distance = np.minimum(distance, np.linalg.norm((drawn - drawn[chosen[place]]) / scale, axis=1))
+        distance[chosen[place]] = -1.0
+    return np.sort(chosen)

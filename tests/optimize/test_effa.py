@@ -1,123 +1,114 @@
-"""The firefly algorithm: the paper's statistics on Rastrigin, and its rules one by one."""
+"""The default search: a swarm, its clusters, a completion, the front."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks.rastrigin import Rastrigin, found
 from mofit.errors import InputError
 from mofit.optimize.pareto_front import nondominated
-from mofit.optimize.searches.effa_2016 import EffaSettings, search
+from mofit.optimize.searches.effa import EffaSettings, search
+
+CENTRES = np.array([[0.3, 0.3, 0.3], [0.6, 0.4, 0.3], [0.4, 0.7, 0.5], [0.5, 0.5, 0.7]])
 
 
-def effa_of(objectives, *arguments, **options):
-    """The search, which takes no gradients."""
-    return search(objectives, lambda u: pytest.fail("no gradients"), *arguments, **options)
+def bowls(u):
+    """One quadratic objective per centre; the mean's minimum is the mean of the centres."""
+    return np.sum((u[:, None] - CENTRES) ** 2, axis=-1)
 
 
-def rastrigin(u):
-    x = 4 * u - 2
-    return (20 + (x**2 - 10 * np.cos(2 * np.pi * x)).sum(axis=1))[:, None]
+def slopes(u):
+    return bowls(u), 2 * (u[:, None] - CENTRES)
 
 
-ONE = np.array([-1.98991, -0.99496, 0.0, 0.99496, 1.98991])
-LATTICE = np.stack(np.meshgrid(ONE, ONE), axis=-1).reshape(-1, 2)
-
-
-def two_tests(u):
-    """Two objectives with minima in (0.2, 0.5) and (0.8, 0.5); the front is the line between."""
-    return np.stack([np.hypot(u[:, 0] - c, u[:, 1] - 0.5) for c in (0.2, 0.8)], axis=1)
-
-
-def test_paper_version_reproduces_table_2_on_rastrigin():
-    runs = 240
-    found, evaluations = [], []
-    for seed in range(runs):
-        result = effa_of(rastrigin, 2, np.random.default_rng([2016, seed]))
-        gap = np.linalg.norm((4 * result.archived_points - 2)[:, None] - LATTICE, axis=2)
-        found.append((gap < 0.3).any(axis=0))
-        evaluations.append(result.evaluations)
-    found = np.array(found)
-    share = found[:, 12].mean()
-    # 81 % of 24,000 runs of an independent program; the paper found 82 of 100
-    assert abs(share - 0.81) < 4 * np.sqrt(0.81 * 0.19 / runs)
-    count = found.sum(axis=1)
-    reference = np.array([6.9, 19.4, 32.4, 24.8, 12.6, 3.9]) / 100  # <=5, 6, 7, 8, 9, >=10 minima, as there
-    observed = np.bincount(np.clip(count, 5, 10) - 5, minlength=6)
-    chi_square = np.sum((observed - runs * reference) ** 2 / (runs * reference))
-    assert chi_square < 20.5  # 99.9 % point for 5 degrees of freedom
-    assert 505 < np.mean(evaluations) < 530
-
-
-def test_paper_version_keeps_the_best_where_it_is_until_beaten():
-    result = effa_of(rastrigin, 2, np.random.default_rng(1), EffaSettings(iterations=4))
-    assert result.cost[result.population].min() == result.cost.min()
-
-
-def test_result_is_consistent_and_depends_on_the_seed_only():
+def with_budget(evaluations, **more):
     settings = EffaSettings()
-    first, second = (effa_of(two_tests, 2, np.random.default_rng(4), settings) for _ in range(2))
-    np.testing.assert_array_equal(first.points, second.points)
-    assert np.any(
-        first.population_points != effa_of(two_tests, 2, np.random.default_rng(5), settings).population_points
+    return replace(settings, completion=replace(settings.completion, evaluations=evaluations, **more))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_all_minima_of_rastrigin_most_of_them_from_the_swarm(turned):
+    shares = []
+    for seed in range(5):
+        rng = np.random.default_rng([7, seed])
+        function = Rastrigin.turned(rng) if turned else Rastrigin.plain()
+        result = search(function.value, function.gradient, 2, rng, with_budget(700))
+        answers, by = function.scaled(result.archived_points), np.array(result.found_by)
+        assert found(answers, function.minima, 0.05) == len(function.minima)
+        assert result.evaluations == 700
+        shares.append(found(answers[by == "swarm"], function.minima, 0.05) / len(function.minima))
+        assert set(by) <= {"swarm", "completion"}
+    assert np.mean(shares) > 22 / 25
+
+
+def test_one_minimum_is_complete_before_the_budget_is_spent():
+    result = search(
+        lambda u: bowls(u)[:, :1], lambda u: tuple(x[:, :1] for x in slopes(u)), 3, np.random.default_rng(0)
     )
-    np.testing.assert_array_equal(first.objectives, two_tests(first.points))
-    np.testing.assert_allclose(first.cost, first.objectives.mean(axis=1))
-    assert np.all((first.points >= 0) & (first.points <= 1))
-    assert first.evaluations <= settings.members * (settings.iterations + 1)
-    assert len(first.history) == settings.iterations + 1
-    assert first.history[-1].evaluations == first.evaluations
-    assert first.cost[first.best] == first.history[-1].best
-    assert len(set(first.archived.tolist())) == len(first.archived)
-    np.testing.assert_array_equal(first.front, nondominated(first.objectives))
-    assert np.all(np.abs(first.points[first.front, 1] - 0.5) < 0.2)
+    assert result.complete
+    assert result.expected_undiscovered < 0.01
+    assert result.evaluations < 700
+    assert result.found_by == ("swarm",)
+    assert result.archived_points == pytest.approx(CENTRES[:1], abs=2e-3)
 
 
-def test_weights_choose_what_is_bright():
-    for weights, x in ([1, 0], 0.2), ([0, 1], 0.8):
-        result = effa_of(two_tests, 2, np.random.default_rng(0), weights=weights)
-        np.testing.assert_allclose(result.points[result.best], [x, 0.5], atol=0.03)
+def test_a_spent_budget_is_said():
+    function = Rastrigin.plain()
+    result = search(function.value, function.gradient, 2, np.random.default_rng(0), with_budget(300))
+    assert not result.complete
+    assert result.evaluations == 300
+    assert result.expected_undiscovered > 0.01
 
 
-@pytest.mark.parametrize("weights", [[1, 2, 3], [-1, 2], [0, 0], [np.nan, 1]])
-def test_weights_that_do_not_fit_are_refused(weights):
-    with pytest.raises(InputError, match="search weights"):
-        effa_of(two_tests, 2, np.random.default_rng(0), weights=weights)
+def test_several_objectives():
+    result = search(bowls, slopes, 3, np.random.default_rng(0))
+    assert result.evaluations == 1200
+    assert result.archived_points[0] == pytest.approx(CENTRES.mean(axis=0), abs=2e-3)
+    gaps = np.linalg.norm(result.archived_points[:, None] - CENTRES, axis=2)
+    assert np.all(gaps.min(axis=0) < 5e-3)  # the minima of single objectives
+    assert np.array_equal(result.front, nondominated(result.objectives))
+    assert len(result.front) > 500
+    assert result.complete
 
 
-def test_failed_simulations_never_win():
-    def half_failing(u):
-        values = two_tests(u)
-        values[u[:, 0] < 0.4, 0] = np.nan
-        return values
-
-    result = effa_of(half_failing, 2, np.random.default_rng(2))
-    failed = np.isnan(result.objectives).any(axis=1)
-    assert failed.any()
-    assert np.all(np.isinf(result.cost[failed]))
-    assert not failed[result.archived].any()
-    assert not failed[result.front].any()
-    assert not failed[result.best]
-    # a weight of 0 takes the failing objective out
-    other = effa_of(half_failing, 2, np.random.default_rng(2), weights=[0, 1])
-    assert np.isfinite(other.cost).all()
-    with pytest.raises(InputError, match="all 25 start points failed"):
-        effa_of(lambda u: np.full((len(u), 2), np.nan), 2, np.random.default_rng(2))
+def test_the_fireflies_are_kept_with_their_clusters():
+    result = search(bowls, slopes, 3, np.random.default_rng(0))
+    assert result.generations.shape == result.generation_labels.shape == (5, 64)
+    assert np.array_equal(result.population, result.generations[-1])
+    assert np.array_equal(result.labels, result.generation_labels[-1])
+    assert len(np.unique(result.generations)) == 320
+    assert result.generation_labels.min() == 0
 
 
-def test_one_call_per_iteration_and_progress():
-    sizes, lines = [], []
-
-    def counting(u):
-        sizes.append(len(u))
-        return two_tests(u)
-
-    effa_of(counting, 2, np.random.default_rng(3), progress=lambda done, total, note: lines.append((done, total)))
-    assert sizes[0] == 25
-    assert len(sizes) == 25
-    assert max(sizes[1:]) < 25  # the best of each cluster stays
-    assert lines == [(t, 24) for t in range(1, 25)]
+def test_same_seed_same_search():
+    first, again, other = (search(bowls, slopes, 3, np.random.default_rng(seed)) for seed in (3, 3, 4))
+    assert np.array_equal(first.points, again.points)
+    assert not np.array_equal(first.points, other.points)
 
 
-def test_all_unusable_settings_are_named_together():
-    with pytest.raises(InputError) as caught:
-        EffaSettings(members=1, delta=2.0)
-    assert len(caught.value.issues) == 2
+def test_if_every_firefly_fails_it_is_said():
+    with pytest.raises(InputError, match="all 64 start points failed"):
+        search(lambda u: np.full((len(u), 2), np.nan), slopes, 3, np.random.default_rng(0))
+
+
+def test_weights_decide_what_the_mean_is():
+    result = search(bowls, slopes, 3, np.random.default_rng(0), weights=[1, 0, 0, 1])
+    assert result.archived_points[0] == pytest.approx((CENTRES[0] + CENTRES[3]) / 2, abs=2e-3)
+
+
+def test_an_unfinished_descent_is_no_minimum():
+    """A long valley along the diagonal: with these budgets descents are under way when they are spent."""
+    axis = np.ones(3) / np.sqrt(3)
+
+    def valley(u):
+        along = (u - 0.5) @ axis
+        return (np.sum((u - 0.5) ** 2, axis=1) - (1 - 1e-4) * along**2)[:, None]
+
+    def slope(u):
+        along = (u - 0.5) @ axis
+        return valley(u), 2 * ((u - 0.5) - (1 - 1e-4) * along[:, None] * axis)[:, None]
+
+    for budget in range(100, 200, 3):
+        result = search(valley, slope, 3, np.random.default_rng(budget), with_budget(budget))
+        assert len(result.archived) <= 1

@@ -1,0 +1,308 @@
+"""Multi-level single linkage: which points of a sample start a descent, and when few minima are left undiscovered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import islice
+from math import gamma, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
+
+from mofit._typing import FloatArray
+from mofit.errors import InputError, check_settings
+from mofit.optimize.bfgs import DescentSettings, descend
+from mofit.optimize.evaluation_log import EvaluationLog
+from mofit.optimize.global_search import (
+    Gradients,
+    Indices,
+    Iteration,
+    Objectives,
+    Progress,
+    SearchResult,
+    normalised_weights,
+)
+from mofit.optimize.minima_archive import MinimaArchive, add_if_new, expected_undiscovered, in_known_basin
+from mofit.optimize.pareto_front import fill_front, nondominated
+
+
+@dataclass(frozen=True)
+class MlslSettings:
+    """Settings of `SingleLinkage`. Lengths are shares of the box."""
+
+    evaluations: int = 600
+    """Budget."""
+    gradient_cost: int = 1
+    """Evaluations that a value with its gradient counts."""
+    round: int = 32
+    """Sobol points per round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
+    start_share: float = 0.5
+    """Better share of the points from which a descent may start."""
+    together: int = 4
+    """Descents that advance together: the kernel is faster in batches, but each knows fewer of the minima found."""
+    test_starts: bool = False
+    """Whether a start is left out if no hill lies between it and the nearest minimum (Ursem 1999): the test costs one
+    evaluation if there is one and five if not, the descent some fifteen."""
+    merge: float = 5e-3
+    """Ends this close are one minimum."""
+    tabu: float = 0.5
+    """A descent within this share of the tabu radius of a known minimum is rejected."""
+    undiscovered: float | None = 0.01
+    """Stop when the expected number of undiscovered minima of the weighted mean falls below this; None: use the whole
+    budget."""
+    final_tolerance: float | None = None
+    """Descend once more from all minima, to steps below this."""
+    final_share: float = 0.1
+    """Share of the budget reserved for that."""
+    single_share: float = 0.2
+    """Share of the budget reserved, with several objectives, for single-objective minima."""
+    single_starts: int = 4
+    """Best minima of the weighted mean from which each single objective is minimised."""
+    front_share: float = 0.3
+    """Share of the budget reserved, with several objectives, for filling the Pareto front."""
+    front_candidates: int = 1
+    """Points of which one, in a sparse place, is evaluated there."""
+    descent: DescentSettings = field(default_factory=DescentSettings)
+
+    def __post_init__(self) -> None:
+        checks = [
+            ("evaluations", self.evaluations >= 10, "Give at least 10"),
+            ("round", self.round >= 1, "Give at least 1"),
+            ("start_share", 0 < self.start_share <= 1, "Give a share in (0, 1]"),
+            ("together", self.together >= 1, "Give at least 1"),
+            ("final_share", 0 <= self.final_share < 1, "Give a share in [0, 1)"),
+            ("single_share", 0 <= self.single_share < 1, "Give a share in [0, 1)"),
+            ("front_share", 0 <= self.front_share < 1, "Give a share in [0, 1)"),
+        ]
+        check_settings("search", self, checks)
+
+    def reserved_share(self, objectives: int) -> float:
+        """Share of the budget that is not for the minima of the weighted mean."""
+        several = self.single_share + self.front_share if objectives > 1 else 0.0
+        return several + (self.final_share if self.final_tolerance else 0.0)
+
+
+class SingleLinkage:
+    """A search for the minima of the weighted mean, of each objective, and for the front, stage by stage.
+
+    The caller runs the stages: `draw` Sobol points, `descend` from the points that single linkage chooses, `complete`
+    until few minima are left undiscovered, `finish`.
+
+    Parameters
+    ----------
+    objectives, gradients, dimension, rng, weights, progress
+        As in `mofit.optimize.searches.mlsl.search`.
+    settings
+        Constants.
+    """
+
+    def __init__(
+        self,
+        objectives: Objectives,
+        gradients: Gradients,
+        dimension: int,
+        rng: np.random.Generator,
+        settings: MlslSettings,
+        weights: ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        from scipy.stats import qmc  # late: its import takes half a second
+
+        self.settings = settings
+        self.log = EvaluationLog(objectives, gradients, dimension, settings.evaluations, settings.gradient_cost)
+        self.sample: Indices = np.empty(0, dtype=np.int64)
+        """Rows of the Sobol points, from which minima are counted."""
+        self.mean = MinimaArchive(np.ones(1))
+        self.singles: list[MinimaArchive] = []
+        self.history: list[Iteration] = []
+        self.undiscovered = np.inf
+        self._sequence = qmc.Sobol(dimension, rng=rng)
+        self._rng, self._weights, self._progress = rng, weights, progress
+
+    def draw(self, size: int) -> Indices:
+        """Evaluate the next points of the Sobol sequence, as many as the budget allows.
+
+        Raises
+        ------
+        InputError
+            If the weights do not fit, or if all of the first points failed.
+        """
+        size = min(size, self.log.left)
+        rows, values = self.log.evaluate(self._sequence.random(size if len(self.sample) else 2 ** int(np.log2(size))))
+        if len(self.sample) == 0:
+            if not np.isfinite(values).all(axis=1).any():
+                cure = "Check the model, or narrow the bounds"
+                raise InputError.of("search", f"all {len(values)} start points failed", cure)
+            count = values.shape[1]
+            self.mean = MinimaArchive(normalised_weights(self._weights, count))
+            self.singles = [MinimaArchive(row) for row in np.eye(count)] if count > 1 else []
+            self.log.reserved = int(self.settings.reserved_share(count) * self.log.budget)
+        self.sample = np.concatenate([self.sample, rows])
+        return rows
+
+    def descend(self, archive: MinimaArchive, rows: Indices, found_by: str, most: int | None = None) -> None:
+        """Descend from the points that single linkage chooses among the rows: all of them, or the ``most`` best."""
+        points, cost = self.log.points[rows], archive.cost(self.log.values[rows])
+        starts = rows[_linked(points, cost, self.settings.start_share)]
+        self.descend_from(archive, starts, interquartile_range(cost), found_by, most)
+
+    def descend_from(
+        self, archive: MinimaArchive, starts: Indices, scale: float, found_by: str, most: int | None = None
+    ) -> None:
+        """Descend from the starts, best first, that are new and outside of the tabu radius of known minima.
+
+        Parameters
+        ----------
+        archive
+            What is minimised, and its minima so far.
+        starts
+            Rows of the log.
+        scale
+            Interquartile range of the cost, by which a hill between minima is measured.
+        found_by
+            The stage of the search.
+        most
+            Starts at most.
+        """
+        settings, log = self.settings, self.log
+        points, cost = log.points, archive.cost(log.values)
+        waiting = [int(row) for row in starts if int(row) not in archive.started]
+
+        def unknown(k: int) -> bool:
+            """Asked when its turn comes: against the minima that are known then."""
+            if archive.distance(points[k]) < archive.tabu_radius:
+                return False
+            if not settings.test_starts or not in_known_basin(log, archive, points[k], cost[k], scale):
+                return True
+            archive.started.add(k)
+            return False
+
+        outside = islice(filter(unknown, waiting), most)
+        while log.gradients_left > 0 and (batch := list(islice(outside, settings.together))):
+            archive.started.update(batch)
+            for _, end in descend(log, [(archive, points[k], None) for k in batch], settings.descent, settings.tabu):
+                add_if_new(log, archive, end, scale, settings.merge, found_by)
+
+    def complete(self, found_by: str = "") -> None:
+        """Draw and descend, round by round, until few minima are expected undiscovered or the budget is spent."""
+        settings, log = self.settings, self.log
+        if len(self.sample) == 0:
+            self.draw(settings.round)
+        while True:
+            self.descend(self.mean, self.sample, found_by)
+            counted = int(settings.start_share * len(self.sample))
+            self.undiscovered = expected_undiscovered(counted, len(self.mean.ends))
+            self.note()
+            if self.is_complete or log.left == 0:
+                break
+            self.draw(max(settings.round, len(self.sample) // 20))
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether few enough minima are expected undiscovered."""
+        return self.settings.undiscovered is not None and self.undiscovered < self.settings.undiscovered
+
+    def finish(self, others: Indices, found_by: tuple[str, str] = ("", "")) -> None:
+        """Tighten the minima, find those of each objective, and fill the front with what is left.
+
+        Parameters
+        ----------
+        others
+            Rows, beside the sample, from which a single objective may be minimised.
+        found_by
+            Stage that a minimum belongs to whose start is among those, and among the sample.
+        """
+        self.log.reserved = 0
+        if self.settings.final_tolerance is not None:
+            self.mean = self._tightened(self.settings.final_tolerance)
+        if self.singles:
+            self.log.reserved = min(int(self.settings.front_share * self.log.budget), self.log.left)
+            self._minimise_singles(others, found_by)
+            self.log.reserved = 0
+            fill_front(self.log, self.mean, self._rng, self.settings.front_candidates)
+
+    def best_of_sample(self) -> Indices:
+        """Rows of the better share of the sample."""
+        cost = self.mean.cost(self.log.values[self.sample])
+        best = np.argsort(cost, kind="stable")[: max(1, int(self.settings.start_share * len(self.sample)))]
+        return np.asarray(self.sample[best])
+
+    def result(self, population: Indices, labels: Indices, **more: Any) -> SearchResult:
+        """What was found; the population, its clusters and more are the caller's."""
+        ends = {end.row: end for archive in [self.mean, *self.singles] for end in archive.ranked}
+        values = self.log.values
+        return SearchResult(
+            points=self.log.points,
+            objectives=values,
+            cost=self.mean.cost(values),
+            archived=np.array(list(ends), dtype=np.int64),
+            population=population,
+            labels=labels,
+            front=nondominated(values),
+            history=tuple(self.history),
+            gradients=self.log.with_gradient,
+            expected_undiscovered=float(self.undiscovered),
+            complete=self.is_complete,
+            found_by=tuple(end.found_by for end in ends.values()),
+            **more,
+        )
+
+    def note(self) -> None:
+        """Add a line to the history, and tell the progress."""
+        used, mean = self.log.used, self.mean
+        self.history.append(Iteration(used, mean.best, len(mean.ends), mean.tabu_radius))
+        if self._progress is not None:
+            self._progress(used, self.log.budget, f"best {mean.best:.4g}, {len(mean.ends)} minima")
+
+    def _minimise_singles(self, others: Indices, found_by: tuple[str, str]) -> None:
+        """Minima of each objective: those near the best of the weighted mean, then from points, in turn."""
+        log, settings = self.log, self.settings
+        best = self.mean.ranked[: settings.single_starts]
+        for stage in dict.fromkeys(end.found_by for end in best):
+            near = [(one, end.point, end.inverse) for end in best for one in self.singles if end.found_by == stage]
+            for archive, end in descend(log, near, settings.descent, settings.tabu):
+                add_if_new(log, archive, end, 0.0, settings.merge, stage)
+        while log.gradients_left > 0:
+            before = log.used
+            for one in self.singles:
+                for rows, stage in zip((others, self.sample), found_by, strict=True):
+                    self.descend(one, rows, stage, most=1)
+            if log.used == before:
+                break
+
+    def _tightened(self, tolerance: float) -> MinimaArchive:
+        """The minima after one more descent from the curvature found there, best first; those that meet are merged."""
+        fine = DescentSettings(longest_step=0.01, tolerance=tolerance)
+        tight = MinimaArchive(self.mean.weights)
+        for end in self.mean.ranked:
+            for _, better in descend(self.log, [(self.mean, end.point, end.inverse)], fine, 0.0) or [(self.mean, end)]:
+                if tight.distance(better.point) >= self.settings.merge:
+                    tight.add(replace(better, found_by=end.found_by))
+        return tight
+
+
+def critical_distance(count: int, dimension: int) -> float:
+    r"""Distance within which one of so many uniform points in the unit cube has, in the limit, a better one.
+
+    .. math:: r_k = \pi^{-1/2} \left(\Gamma(1 + d/2)\, \frac{2 \ln k}{k}\right)^{1/d}
+    """
+    return float(pi**-0.5 * (gamma(1 + dimension / 2) * 2 * np.log(max(count, 2)) / count) ** (1 / dimension))
+
+
+def interquartile_range(cost: FloatArray) -> float:
+    """Interquartile range of the finite costs; 0 of three or fewer."""
+    return float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
+
+
+def _linked(points: FloatArray, cost: FloatArray, share: float) -> list[int]:
+    """Points of the better share with none better within the critical distance, best first."""
+    count, dimension = points.shape
+    order = np.argsort(cost, kind="stable")[: max(1, int(share * count))]
+    order = order[np.isfinite(cost[order])]
+    lone = np.ones(len(order), dtype=bool)
+    if len(order):
+        pairs = cKDTree(points[order]).query_pairs(critical_distance(count, dimension), output_type="ndarray")
+        lone[pairs.max(axis=1)] = False  # of each pair, the later one is the worse
+    return [int(k) for k in order[lone]]
