@@ -19,7 +19,7 @@ from mofit.report.errors import draw_errors, extract_errors
 from mofit.report.marginals import draw_marginal, draw_place, extract_marginals
 from mofit.report.overlay import Overlay, extract_overlays, output_unit
 from mofit.report.run import Mode, Run
-from mofit.report.search import draw_search, extract_search
+from mofit.report.search_map import draw_search, extract_search
 from mofit.report.signals import draw_loop, draw_trace
 from mofit.report.toolkit.figures import FLOOR, MEASURED, band_key, baseline_key, dot_key, line_key, mode_colour
 from mofit.report.toolkit.formatting import display_unit, parameter_label

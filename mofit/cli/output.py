@@ -84,11 +84,24 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             numbers = [f"{entry[key]:.4g}" for key in ("value", "mean", "sd", "q05", "q95")]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
+    if summary["search"]:
+        console.print(_search_line(summary["search"]))
     for warning in summary["warnings"]:
         console.print(f"warning: {warning}")
     if not summary["converged"]:
         console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
+
+
+def _search_line(search: Mapping[str, Any]) -> str:
+    """What the search found, and whether more may be undiscovered."""
+    found = ", ".join(f"{number} by the {stage}" for stage, number in search["found_by"].items())
+    line = f"Search: {search['method']}, {search['evaluations']} evaluations, {search['minima']} minima"
+    line += f" ({found})." if found else "."
+    if search["expected_undiscovered"] is None:
+        return line
+    spent = "" if search["complete"] else " The budget was spent before this number fell below its limit."
+    return f"{line} Expected undiscovered: {search['expected_undiscovered']:.2g}.{spent}"
 
 
 def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:

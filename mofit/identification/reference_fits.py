@@ -48,7 +48,7 @@ def _each_alone(located: Located) -> dict[str, LocalFit]:
     """
     space = located.posterior.space
     best = dict(zip(space.names, space.from_unit(located.minima[0].point), strict=True))
-    searched, starts = located.searched.with_fixed(best), starts_of(located.search)
+    searched, (starts, _) = located.searched.with_fixed(best), starts_of(located.search)
     fits = {}
     for test in searched.tests:
         problem, minima = refined(searched.select([test]), starts)

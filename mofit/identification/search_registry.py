@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from mofit.optimize.global_search import Gradients, Objectives, Progress, SearchResult
 
-DEFAULT_SEARCH = "mlsl"
+DEFAULT_SEARCH = "effa"
 _FOLDER = Path(__file__).parents[1] / "optimize" / "searches"
 
 

@@ -18,7 +18,7 @@ from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search
 from mofit.identification.settings import Settings
 from mofit.models import Model
-from mofit.optimize import Minimum, RefineSettings, SearchResult, merge, profile, refine
+from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import CampaignPosterior, Problem, adjusted_posterior
 from mofit.runtime.progress import Progress, StageTimer, silent
@@ -61,7 +61,7 @@ def locate_minima(
         found, weights = search(searched, settings, partial(progress, "search"))
     with timer.measure("refine"):
         progress("refine", 0, 1, "")
-        searched, rough = refined(searched, starts_of(found))
+        searched, rough = refined(searched, *starts_of(found))
         posterior, minima = _with_calibrated_free(posterior, searched, rough)
     return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
 
@@ -97,34 +97,51 @@ def search(
 def fit(setup: ProblemSetup) -> LocalFit:
     """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
     found, _ = search(setup.searched, setup.settings)
-    return LocalFit(*refined(setup.searched, starts_of(found)))
+    return LocalFit(*refined(setup.searched, *starts_of(found)))
 
 
-def starts_of(found: SearchResult) -> FloatArray:
-    """The minima that the search archived, and its best point of each test alone."""
-    rows = [*found.archived, *np.nanargmin(found.objectives, axis=0)]
-    return found.points[list(dict.fromkeys(int(row) for row in rows))]
+def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
+    """The minima that the search archived, its best point of each test alone, and the stage that found each."""
+    best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
+    stages = dict.fromkeys(best, "")
+    if found.found_by:
+        stages = {row: STAGES[0] if row in found.generations else STAGES[1] for row in best}
+        stages |= dict(zip(found.archived.tolist(), found.found_by, strict=True))
+    rows = list(dict.fromkeys([*found.archived.tolist(), *best]))
+    return found.points[rows], [stages.get(row, "") for row in rows]
 
 
-def refined(problem: P, starts: FloatArray) -> tuple[P, tuple[Minimum, ...]]:
-    """Refine, estimate the noise at the best minimum, and refine again under that noise."""
-    first = merge(refine(problem.evaluate, starts))
+def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tuple[P, tuple[Minimum, ...]]:
+    """Refine, estimate the noise at the best minimum, and refine again under that noise.
+
+    Of the starts that end in one minimum, the one from the earliest stage of the search found it.
+    """
+    first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
     counted = problem.with_noise_at(first[0].point)
     again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
-    return counted, merge(again, values=lambda u: -counted.log_posterior(u))
+    merged = merge(again, values=lambda u: -counted.log_posterior(u))
+    return counted, _with_stage(merged, [minimum.found_by for minimum in first])
+
+
+def _with_stage(minima: Sequence[Minimum], found_by: Sequence[str]) -> tuple[Minimum, ...]:
+    def first(stages: set[str]) -> str:
+        return next((stage for stage in STAGES if stage in stages), "")
+
+    return tuple(replace(one, found_by=first({found_by[member] for member in one.members})) for one in minima)
 
 
 def _with_calibrated_free(
     posterior: CampaignPosterior, searched: Problem, minima: Sequence[Minimum]
 ) -> tuple[CampaignPosterior, tuple[Minimum, ...]]:
     """Estimate the calibrated parameters as well, starting from the plausible minima of the searched ones."""
-    candidates = np.stack([minimum.point for minimum in _plausible(minima, LEAST_PROBABILITY)])
+    plausible = _plausible(minima, LEAST_PROBABILITY)
+    candidates = np.stack([minimum.point for minimum in plausible])
     space = posterior.space
     starts = space.to_unit(searched.layout.values(candidates, space.names))
     local = posterior.with_noise(searched.noise).near(starts, np.full(len(space), NEIGHBOURHOOD))
-    return refined(local, starts)
+    return refined(local, starts, [minimum.found_by for minimum in plausible])
 
 
 def sample_modes(
@@ -158,7 +175,7 @@ def sample_modes(
         adjusted = adjusted_posterior(local, minimum.point)
         # where noise and gap weaken the likelihood, the priors of the stages move the minimum
         (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
-        located.append((moved, adjusted))
+        located.append((replace(moved, found_by=minimum.found_by), adjusted))
     located.sort(key=lambda pair: -_log_evidence(pair[0]))
     values, centres = [minimum.value for minimum, _ in located], np.stack([minimum.point for minimum, _ in located])
     covariances = np.stack([laplace_covariance(minimum.hessian) for minimum, _ in located])

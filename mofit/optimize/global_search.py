@@ -19,6 +19,9 @@ Gradients = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, note)``."""
 
+#: Stages of a search that tells them apart, the first one first.
+STAGES = ("swarm", "completion")
+
 
 @dataclass(frozen=True)
 class Iteration:
@@ -72,7 +75,9 @@ class SearchResult:
     complete
         Whether that number fell below the search's limit before the budget was spent; None where there is no estimate.
     found_by
-        Stage of the search that found each archived point, ``swarm`` or ``completion``; empty where there is one alone.
+        Which of the `STAGES` found each archived point; empty where the search has one alone.
+    minimises
+        The objective that each archived point minimises, counted from 0; -1 for the weighted mean; empty if not known.
     generations
         Rows of `points` that hold the population of every generation, shape (generation, member); empty if not kept.
     generation_labels
@@ -91,6 +96,7 @@ class SearchResult:
     expected_undiscovered: float | None = None
     complete: bool | None = None
     found_by: tuple[str, ...] = ()
+    minimises: tuple[int, ...] = ()
     generations: Indices = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
     generation_labels: Indices = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
 

@@ -62,6 +62,8 @@ class Minimum:
         As in `Refined`.
     members
         Rows of `Refined` that ended in this minimum, the best first.
+    found_by
+        Stage of the search that found it (`SearchResult.found_by`); empty where there is one alone.
     """
 
     point: FloatArray
@@ -71,6 +73,7 @@ class Minimum:
     converged: bool
     at_bound: NDArray[np.int64]
     members: tuple[int, ...]
+    found_by: str = ""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from mofit.optimize.global_search import (
     SearchResult,
     normalised_weights,
 )
-from mofit.optimize.minima_archive import MinimaArchive, add_if_new, expected_undiscovered, in_known_basin
+from mofit.optimize.minima_archive import Endpoint, MinimaArchive, add_if_new, expected_undiscovered, in_known_basin
 from mofit.optimize.pareto_front import fill_front, nondominated
 
 
@@ -129,7 +129,7 @@ class SingleLinkage:
         InputError
             If the weights do not fit, or if all of the first points failed.
         """
-        size = min(size, self.log.left)
+        size = min(max(size, 0), self.log.left)
         rows, values = self.log.evaluate(self._sequence.random(size if len(self.sample) else 2 ** int(np.log2(size))))
         if len(self.sample) == 0:
             if not np.isfinite(values).all(axis=1).any():
@@ -231,7 +231,11 @@ class SingleLinkage:
 
     def result(self, population: Indices, labels: Indices, **more: Any) -> SearchResult:
         """What was found; the population, its clusters and more are the caller's."""
-        ends = {end.row: end for archive in [self.mean, *self.singles] for end in archive.ranked}
+        ends: dict[int, tuple[Endpoint, int]] = {}
+        for objective, archive in enumerate([self.mean, *self.singles], start=-1):
+            for end in archive.ranked:
+                ends.setdefault(end.row, (end, objective))
+        found_by = tuple(end.found_by for end, _ in ends.values())
         values = self.log.values
         return SearchResult(
             points=self.log.points,
@@ -245,7 +249,8 @@ class SingleLinkage:
             gradients=self.log.with_gradient,
             expected_undiscovered=float(self.undiscovered),
             complete=self.is_complete,
-            found_by=tuple(end.found_by for end in ends.values()),
+            found_by=found_by if any(found_by) else (),
+            minimises=tuple(objective for _, objective in ends.values()),
             **more,
         )
 

@@ -18,9 +18,11 @@ class SwarmSettings:
     """Settings of `fly`; ``scripts/studies/swarm.py`` chose those without another source."""
 
     share: float = 0.5
-    """Of the budget, for all generations together; the number of fireflies is the next lower power of 2, which fills
-    the box evenly."""
-    moves: int = 4
+    """Of the budget for minima of the mean, for all generations together; the number of fireflies is the next lower
+    power of 2, which fills the box evenly."""
+    candidates: int = 2
+    """Points of the sample per firefly: of them it starts from the brightest, as it sees them, that no other took."""
+    moves: int = 3
     """Generations after the first."""
     most: int = 1024
     """Fireflies: more find no more, the Sobol points of the completion cost less."""
@@ -33,14 +35,15 @@ class SwarmSettings:
     """Light absorption per unit-cube distance, as in Hackl et al. (2016)."""
     beta: float = 1.0
     """Attractiveness at distance 0, as there."""
-    alpha: float = 3.0
+    alpha: float = 0.5
     """Half the width of the first random step, in distances to the farthest of those neighbours."""
-    delta: float = 0.5
-    """Reduction of the random step per generation: from the space between basins to that within one."""
+    delta: float = 0.9
+    """Reduction of the random step per generation, as in Hackl et al. (2016)."""
 
     def __post_init__(self) -> None:
         checks = [
             ("share", 0 < self.share <= 1, "Give a share in (0, 1]"),
+            ("candidates", self.candidates >= 1, "Give at least 1"),
             ("moves", self.moves >= 0, "Give 0 or more"),
             ("most", self.most >= 2, "Give at least 2"),
             ("joint", 0 <= self.joint <= 1, "Give a share in [0, 1]"),
@@ -54,7 +57,7 @@ class SwarmSettings:
 
     def fireflies(self, budget: int) -> int:
         """How many, for a budget of so many evaluations."""
-        return 2 ** int(np.log2(min(max(self.share * budget / (self.moves + 1), 2), self.most)))
+        return 2 ** int(np.log2(min(max(self.share * budget / (self.candidates + self.moves), 2), self.most)))
 
 
 @dataclass(frozen=True)
@@ -63,23 +66,26 @@ class Swarm:
 
     Parameters
     ----------
+    sample
+        Rows of the evaluation log among which the fireflies started.
     generations
-        Rows of the evaluation log, shape (generation, firefly).
+        Rows of theirs, shape (generation, firefly).
     directions
         Weights of the objectives by which each firefly sees brightness, shape (firefly, objective).
     """
 
+    sample: Indices
     generations: Indices
     directions: FloatArray
 
     @property
     def rows(self) -> Indices:
-        """Rows of all points that the swarm evaluated."""
-        return np.asarray(np.unique(self.generations))
+        """Rows of all points that the swarm evaluated, ascending."""
+        return np.union1d(self.sample, self.generations)
 
 
 def fly(
-    log: EvaluationLog, rows: Indices, weights: FloatArray, rng: np.random.Generator, settings: SwarmSettings
+    log: EvaluationLog, sample: Indices, weights: FloatArray, rng: np.random.Generator, settings: SwarmSettings
 ) -> Swarm:
     r"""Move the fireflies for some generations; all points that they evaluate are kept in the log.
 
@@ -96,8 +102,8 @@ def fly(
     ----------
     log
         Evaluates and keeps; a generation that the budget does not allow is left out.
-    rows
-        The first generation.
+    sample
+        Rows among which the fireflies start.
     weights
         Of the objectives in their mean, shape (T,).
     rng
@@ -109,10 +115,10 @@ def fly(
     ----------
     Hackl, Hirschberg, Lex, Magele (2016), Algorithm 1, where the brighter fireflies of the cluster attract in turn.
     """
-    directions = _directions(len(rows), weights, rng, settings.joint)
-    generations = [rows]
+    directions = _directions(max(1, len(sample) // settings.candidates), weights, rng, settings.joint)
+    generations = [_brightest(sample, log.values[sample], directions)]
     for move in range(settings.moves):
-        if log.left < len(rows):
+        if log.left < len(directions):
             break
         points, values, here = log.points, log.values, generations[-1]
         distance, near = _neighbours(points, settings)
@@ -128,7 +134,7 @@ def fly(
         step = width * (2 * rng.random(gap.shape) - 1)
         moved, _ = log.evaluate(np.clip(points[here] + attraction * gap + step, 0.0, 1.0))
         generations.append(moved)
-    return Swarm(np.stack(generations), directions)
+    return Swarm(sample, np.stack(generations), directions)
 
 
 def cluster_centres(points: FloatArray, cost: FloatArray, settings: SwarmSettings) -> tuple[Indices, Indices]:
@@ -150,6 +156,17 @@ def cluster_centres(points: FloatArray, cost: FloatArray, settings: SwarmSetting
     Preuss, "Improved topological niching for real-valued global optimization", EvoApplications 2012.
     """
     return _linked(_neighbours(points, settings)[1], cost)
+
+
+def _brightest(sample: Indices, values: FloatArray, directions: FloatArray) -> Indices:
+    """Of the sample, the brightest point that is not yet taken, for one direction after the other."""
+    taken = np.zeros(len(sample), dtype=bool)
+    chosen = np.empty(len(directions), dtype=np.int64)
+    for firefly, direction in enumerate(directions):
+        free = np.flatnonzero(~taken)
+        chosen[firefly] = free[np.argmin(weighted_sum(values[free], direction))]
+        taken[chosen[firefly]] = True
+    return sample[chosen]
 
 
 def _neighbours(points: FloatArray, settings: SwarmSettings) -> tuple[FloatArray, Indices]:

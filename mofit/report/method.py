@@ -83,9 +83,7 @@ def run_method_section(run: Run) -> Section:
             "the measured output), eq. (10) of [1]. Samples before the steady oscillation are left out.",
             "Noise floor": "The noise is estimated from the differences between repeated periods, or by local "
             "smoothing where a test does not repeat. The noise floor is the NRMSD of that noise alone.",
-            "Search": "The search covers the whole prior box and keeps every good region. By default it starts local "
-            "optimisations from many points (multi-level single linkage); the enhanced firefly algorithm of [1] moves "
-            "a population within clusters and archives the best point of each.",
+            **_search_method(run),
             "Refinement": "Each archived minimum is refined with exact derivatives of the simulation (CasADi [4]) "
             "inside the bounds. The result is a MAP estimate; distinct ones are the posterior modes.",
             "Uncertainty": "Around each mode several independent ensembles of walkers sample the posterior with the "
@@ -103,6 +101,22 @@ def run_method_section(run: Run) -> Section:
             "optimization and optimal control. Mathematical Programming Computation 11(1), 1–36, 2019.",
         ),
     )
+
+
+def _search_method(run: Run) -> dict[str, str]:
+    """What the search of this run does."""
+    node = run.group("search")
+    if node is None:
+        return {}
+    text = f"{node.attrs['method']}: {node.attrs.get('description', '')} It searches the whole prior box."
+    if "generations" in node.data_vars:
+        text += (
+            " Fireflies start on a Sobol sample. Each sees the error of a point with its own weights over the tests, "
+            "and flies towards the centre of its cluster, after [1]. Gradient descents start from the centres of the "
+            "clusters of all points. The completion draws more points and starts descents outside of the basins that "
+            "are known, until the expected number of undiscovered minima falls below 0.01 or the budget is spent."
+        )
+    return {"Search": text}
 
 
 def uncertainty_method_section(run: Run) -> Section:

@@ -1,40 +1,20 @@
-"""The search: points, archived minima, modes (Hackl et al. 2016, Figure 9), its convergence, its Pareto front."""
+"""The search: what it found, the swarm, its convergence, its Pareto front."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.lines import Line2D
 
 from mofit._typing import FloatArray
 from mofit.report.run import Run, labels, numbers
+from mofit.report.search_map import SearchMap, extract_search, extract_swarm, map_figure, moved, swarm_figure
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text
-from mofit.report.toolkit.figures import FLOOR, MEASURED, SOFT, Panels, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import count, math_symbol, number, parameter_label
-
-
-@dataclass(frozen=True)
-class SearchMap:
-    """Points of the search in SI units and their mean NRMSD over the tests, best last; MAP estimate of each mode.
-
-    `moved` names the parameters that the search varied; the others were fixed at the estimate of an earlier stage.
-    """
-
-    parameters: list[str]
-    units: list[str]
-    log: list[bool]
-    moved: list[int]
-    points: FloatArray
-    nrmsd: FloatArray
-    archived: FloatArray
-    population: FloatArray
-    modes: dict[str, FloatArray]
+from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, line_key, mode_colour
+from mofit.report.toolkit.formatting import count, math_symbol, number
 
 
 @dataclass(frozen=True)
@@ -58,30 +38,6 @@ class Front:
     noise_floor: FloatArray
     mode_nrmsd: dict[str, FloatArray]
     mode_place: dict[str, FloatArray]
-
-
-def extract_search(run: Run) -> SearchMap | None:
-    """The search's history, or None where the run has none."""
-    node = run.group("search")
-    if node is None:
-        return None
-    names = labels(node, "parameter")
-    space = run.space(names)
-    points, nrmsd = numbers(node, "points"), numbers(node, "nrmsd").mean(axis=1)
-    good = np.isfinite(nrmsd)
-    order = np.flatnonzero(good)[np.argsort(-nrmsd[good], kind="stable")]
-    empty = np.empty((0, len(names)))
-    return SearchMap(
-        parameters=names,
-        units=list(space.units),
-        log=[parameter.scale == "log" for parameter in space.parameters],
-        moved=_moved(space.to_unit(points)),
-        points=points[order],
-        nrmsd=nrmsd[order],
-        archived=numbers(node, "archived") if "archived" in node.data_vars else empty,
-        population=numbers(node, "population") if "population" in node.data_vars else empty,
-        modes={mode.name: mode.array("value") for mode in run.modes if mode.parameters == names},
-    )
 
 
 def _extract_growth(run: Run) -> Growth | None:
@@ -109,7 +65,7 @@ def extract_front(run: Run) -> Front | None:
     return Front(
         objectives=objectives,
         parameters=names,
-        moved=_moved(place),
+        moved=moved(place),
         nrmsd=numbers(node, "nrmsd"),
         place=place,
         noise_floor=of_objectives(run.of_tests("noise_floor")),
@@ -118,51 +74,15 @@ def extract_front(run: Run) -> Front | None:
     )
 
 
-def _moved(places: FloatArray) -> list[int]:
-    """Which parameters differ between points (n, d) of the prior box by over a thousandth of it (all if none does)."""
-    d = places.shape[1]
-    width = np.ptp(places, axis=0) if len(places) else np.zeros(d)
-    return [k for k in range(d) if width[k] > 1e-3] or [*range(d)]
-
-
-def pairs(count: int) -> list[tuple[int, int]]:
-    """Which two parameters share a panel: all pairs of up to four, else neighbours."""
-    if count <= 4:
-        return list(combinations(range(count), 2))
-    return [(k, min(k + 1, count - 1)) if k + 1 < count else (k - 1, k) for k in range(0, count, 2)]
-
-
-def draw_search(found: SearchMap, x: int, y: int | None, axes: Axes) -> Axes:
-    """The points over two parameters (over one parameter and the NRMSD if `y` is None), dark is good."""
-    rank = np.argsort(np.argsort(found.nrmsd)) / max(1, found.nrmsd.size - 1)
-    ordinate = 100 * found.nrmsd if y is None else found.points[:, y]
-    dots: dict[str, Any] = {"s": 7, "lw": 0, "alpha": 0.75, "rasterized": True}
-    axes.scatter(found.points[:, x], ordinate, c=rank, cmap="viridis", **dots)
-    hollow: dict[str, Any] = {"ls": "none", "mfc": "none"}
-    if y is not None:
-        axes.plot(*found.population[:, [x, y]].T, marker="^", ms=4, mec=SOFT, mew=0.8, **hollow)
-        axes.plot(*found.archived[:, [x, y]].T, marker="s", ms=5.5, mec=MEASURED, mew=1.0, **hollow)
-    for k, value in reversed([*enumerate(found.modes.values())]):
-        if y is None:
-            axes.axvline(value[x], color=mode_colour(k), lw=2)
-        else:
-            star: dict[str, Any] = {"marker": "*", "ms": 15, "mec": "white", "mew": 0.9, "zorder": 5}
-            axes.plot(value[x], value[y], ls="none", mfc=mode_colour(k), **star)
-    axes.set_xlabel(parameter_label(found.parameters[x], found.units[x]))
-    axes.set_ylabel("mean NRMSD (%)" if y is None else parameter_label(found.parameters[y], found.units[y]))
-    log = found.log[x], y is None or found.log[y]
-    axes.set(xscale="log" if log[0] else "linear", yscale="log" if log[1] else "linear")
-    axes.minorticks_off()
-    few_ticks(axes, None if log[0] else 5, None if log[1] else 5)
-    return axes
-
-
 def search_section(run: Run) -> Section | None:
     """Maps of the search, its convergence, and the front."""
     found, growth, front = extract_search(run), _extract_growth(run), extract_front(run)
+    swarm = extract_swarm(run)
     blocks: list[Block] = []
     if found is not None:
-        blocks += [Text(_summary(run, found)), _map(found)]
+        blocks += [Text(_summary(run, found)), map_figure(found)]
+    if swarm is not None and len(swarm.search.moved) > 1:
+        blocks.append(swarm_figure(swarm))
     if growth is not None:
         blocks.append(_growth_figure(growth))
     if front is not None and len(front.objectives) > 1:
@@ -171,41 +91,23 @@ def search_section(run: Run) -> Section | None:
 
 
 def _summary(run: Run, found: SearchMap) -> str:
-    attrs = run.tree["search"].attrs
-    text = (
-        f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the prior box and archived "
-        f"{len(found.archived)} of them as minima or best points of clusters. Refinement led to {len(run.modes)} "
-        f"distinct mode{'' if len(run.modes) == 1 else 's'}."
-    )
+    node = run.tree["search"]
+    attrs = node.attrs
+    text = f"The search ({attrs['method']}) evaluated {count(attrs['evaluations'])} points of the prior box. "
+    if "found_by" in node.data_vars:
+        stages = [str(stage) for stage in node["found_by"].to_numpy()]
+        text += (
+            f"The clusters of the swarm led to {stages.count('swarm')} minima of the mean over the tests and of single "
+            f"tests; the completion added {stages.count('completion')}. "
+        )
+    else:
+        text += f"It archived {len(found.archived)} of them as minima or best points of clusters. "
+    text += f"Refinement led to {len(run.modes)} distinct mode{'' if len(run.modes) == 1 else 's'}."
     undiscovered = float(attrs.get("expected_undiscovered_minima", np.nan))
     if not np.isfinite(undiscovered):
         return text
-    return f"{text} Expected undiscovered minima of the mean over the tests: {number(undiscovered, 2)}."
-
-
-def _map(found: SearchMap) -> Figure:
-    free = found.moved
-    chosen: list[tuple[int, int | None]] = [(free[i], free[j]) for i, j in pairs(len(free))] or [(free[0], None)]
-    panels = Panels(len(chosen), 3, 2.7, legend=_legend(found), margin=(0.75, 0.55, 0.15), gap=(0.85, 0.75))
-    for (x, y), axes in zip(chosen, panels.axes, strict=True):
-        draw_search(found, x, y, axes)
-    return panels.figure(
-        "Evaluated points, archived minima and modes over pairs of parameters",
-        "Where the search evaluated the model and what it found, over the prior box. The colour ranks the mean NRMSD "
-        "over all tests.",
-        good="points cover the box, dark points gather in a few tight places, each with a mode in it.",
-        bad="dark points lie along a valley (the two parameters are correlated) or at the edge of the box.",
-    )
-
-
-def _legend(found: SearchMap) -> list[Line2D]:
-    legend = [dot_key(mode_colour(k), f"mode {name}", marker="*", size=11) for k, name in enumerate(found.modes)]
-    legend += [dot_key("#440154", "evaluated: good", size=4), dot_key("#c5d93a", "evaluated: poor", size=4)]
-    if len(found.archived) and len(found.moved) > 1:
-        legend.append(dot_key(MEASURED, "archived minimum", hollow=True, marker="s"))
-    if len(found.population) and len(found.moved) > 1:
-        legend.append(dot_key(SOFT, "final population", hollow=True, marker="^"))
-    return legend
+    text += f" Expected undiscovered minima of the mean over the tests: {number(undiscovered, 2)}"
+    return f"{text}." if attrs.get("complete", 1) else f"{text}, when the budget was spent."
 
 
 def _growth_figure(growth: Growth) -> Figure:

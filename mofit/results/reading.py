@@ -47,6 +47,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "converged": bool(tree.attrs["converged"]),
         "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),
+        "search": _search(tree),
         "noise_floor": _by_label(tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),
         "modes": [_mode(name, node, units) for name, node in tree["modes"].children.items()],
@@ -64,6 +65,23 @@ def _by_label(values: xr.DataArray) -> dict[str, float | None]:
     """Numbers over one dimension by its labels."""
     (dim,) = values.dims
     return {str(label): _number(value) for label, value in zip(values[dim].values, values.values, strict=True)}
+
+
+def _search(tree: xr.DataTree) -> dict[str, Any] | None:
+    """How the search went: its minima by the stage that found them, and whether it was complete."""
+    if "search" not in tree.children:
+        return None
+    node = tree["search"].dataset
+    stages = [str(stage) for stage in node["found_by"].values] if "found_by" in node else []
+    complete = int(node.attrs.get("complete", -1))
+    return {
+        "method": node.attrs["method"],
+        "evaluations": int(node.attrs["evaluations"]),
+        "minima": node.sizes.get("archive", 0),
+        "found_by": {stage: stages.count(stage) for stage in dict.fromkeys(stages)},
+        "expected_undiscovered": _number(node.attrs.get("expected_undiscovered_minima", math.nan)),
+        "complete": None if complete < 0 else bool(complete),
+    }
 
 
 def _baseline(tree: xr.DataTree) -> dict[str, Any] | None:
@@ -87,6 +105,7 @@ def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
         "id": name,
         "probability": _number(node.attrs["probability"]),
         "log_evidence": _number(node.attrs["log_evidence"]),
+        "found_by": node.attrs.get("found_by", ""),
         "nrmsd": _by_label(node.dataset["nrmsd"]),
         "parameters": entries,
     }

@@ -101,7 +101,11 @@ _SEARCH = Group(
         "nrmsd": Variable("evaluation objective", "1", "NRMSD per test"),
         "archived": _optional("archive parameter", OWN_UNIT, "archived minima"),
         "archived_cost": _optional("archive", "1", "weighted mean NRMSD"),
+        "found_by": _optional("archive", "1", "stage of the search that found it"),
+        "minimises": _optional("archive", "1", "objective of which it is a minimum; empty for the weighted mean"),
         "population": _optional("member parameter", OWN_UNIT, "final population"),
+        "generations": _optional("generation member parameter", OWN_UNIT, "fireflies of every generation"),
+        "cluster": _optional("generation member", "1", "cluster of the firefly, the best one 0, -1 for none"),
         "best": _optional("checkpoint", "1", "least weighted mean NRMSD"),
         "hypervolume": _optional(
             "checkpoint", "1", "dominated share of the box from best to median of every objective"
@@ -121,6 +125,7 @@ _MINIMA = Group(
         "nrmsd": Variable("minimum test", "1", "NRMSD per test"),
         "log_posterior": Variable("minimum", "1", "log posterior density"),
         "at_bound": Variable("minimum parameter", "1", "-1 at the lower, 1 at the upper bound"),
+        "found_by": _optional("minimum", "1", "stage of the search that found it"),
     }
 )
 #: what a mode with posterior draws must have

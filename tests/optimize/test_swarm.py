@@ -20,25 +20,34 @@ def three_tests(u):
 def flown(settings, count=64, objectives=three_tests, budget=10_000, seed=0):
     rng = np.random.default_rng(seed)
     log = EvaluationLog(objectives, lambda u: pytest.fail("no gradients"), 2, budget)
-    rows, values = log.evaluate(rng.random((count, 2)))
+    rows, values = log.evaluate(rng.random((2 * count, 2)))
     weights = np.full(values.shape[1], 1 / values.shape[1])
     return log, fly(log, rows, weights, rng, settings)
 
 
 def test_without_random_step_every_firefly_flies_to_the_centre_of_its_cluster():
     log, swarm = flown(SwarmSettings(moves=1, alpha=0.0, gamma=0.0))
-    before, after = log.points[swarm.generations]
-    neighbours = round(SwarmSettings().neighbours * np.log(64))
-    distance = np.linalg.norm(before[:, None] - before, axis=2)
+    first, after = swarm.generations
+    points = log.points[swarm.sample]
+    neighbours = round(SwarmSettings().neighbours * np.log(128))
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
     for i, direction in enumerate(swarm.directions):
-        dark, centre = three_tests(before) @ direction, i
+        dark, centre = three_tests(points) @ direction, first[i]
         while True:  # from neighbour to brighter neighbour
             near = np.argsort(distance[centre])[1 : neighbours + 1]
             brighter = [j for j in near if dark[j] < dark[centre]]
             if not brighter:
                 break
             centre = brighter[0]
-        assert after[i] == pytest.approx(before[centre])
+        assert log.points[after[i]] == pytest.approx(points[centre])
+
+
+def test_every_firefly_starts_at_the_brightest_point_that_none_before_it_took():
+    log, swarm = flown(SwarmSettings(moves=0))
+    values, free = log.values, set(swarm.sample.tolist())
+    for row, direction in zip(swarm.generations[0], swarm.directions, strict=True):
+        assert values[row] @ direction == min(values[k] @ direction for k in free)
+        free.remove(int(row))
 
 
 def test_attraction_falls_with_distance():
@@ -71,9 +80,9 @@ def test_shares_of_directions(joint, mean, single):
 
 
 def test_a_generation_that_the_budget_does_not_allow_is_left_out():
-    log, swarm = flown(SwarmSettings(moves=3), budget=64 * 3 - 1)
+    log, swarm = flown(SwarmSettings(moves=3), budget=64 * 4 - 1)
     assert len(swarm.generations) == 2
-    assert log.used == 128
+    assert log.used == 64 * 3
 
 
 def test_failures_attract_nobody():
@@ -117,5 +126,5 @@ def test_a_point_that_failed_is_in_no_cluster():
 def test_settings_are_checked():
     with pytest.raises(InputError, match="alpha"):
         SwarmSettings(alpha=-1.0)
-    assert SwarmSettings(share=0.4, moves=3).fireflies(1200) == 64
+    assert SwarmSettings(share=0.5, moves=3, candidates=2).fireflies(700) == 64
     assert SwarmSettings(most=128).fireflies(10**6) == 128

@@ -18,7 +18,8 @@ from mofit.report.marginals import extract_marginals
 from mofit.report.overlay import Overlay, extract_overlays
 from mofit.report.per_test import draw_leverage, extract_leverage, extract_per_test
 from mofit.report.run import Mode, Run
-from mofit.report.search import extract_front, extract_search, pairs
+from mofit.report.search import extract_front
+from mofit.report.search_map import extract_search, pairs
 from mofit.report.signals import extract_spectra
 
 

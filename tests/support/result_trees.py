@@ -274,7 +274,7 @@ def _search(rig: Rig, rng: np.random.Generator) -> dict[str, xr.Dataset]:
             "nrmsd": quantity(("evaluation", "objective"), cost, "1", "NRMSD"),
             "archived": quantity(("archive", "parameter"), points[order[:200:8]], "1", "archived minima"),
             "archived_cost": quantity("archive", cost[order[:200:8]].mean(axis=1), "1", "mean NRMSD"),
-            "population": quantity(("member", "parameter"), points[order[:250:10]], "1", "final population"),
+            "population": quantity(("member", "parameter"), points[order[:250:10]], "1", "population"),
         },
         _names("parameter", rig.names) | objective,
         {"method": "mlsl", "evaluations": n},

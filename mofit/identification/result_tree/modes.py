@@ -127,6 +127,7 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
             "gap_harmonics": float(np.sqrt(mode.sampled.score.gap_squares[1])),
             "converged": int(chains.converged),
             "evaluations": int(chains.evaluations),
+            "found_by": minimum.found_by,
         },
     )
 

@@ -15,6 +15,7 @@ from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
+from mofit.identification.search_registry import search_descriptions
 from mofit.optimize import hypervolume_history
 from mofit.problem import Problem
 from mofit.quantities import title_of
@@ -161,7 +162,7 @@ def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
 
     checkpoints = np.unique(np.ceil(np.array(CHECKPOINTS) * found.evaluations).astype(int))
     axes = {**parameter_axis(space.names, space.units), "objective": axis("objective", list(searched.tests))}
-    history = {
+    history: dict[str, ArrayLike] = {
         "hypervolume": hypervolume_history(found.objectives, checkpoints),
         "best": np.minimum.accumulate(found.cost)[checkpoints - 1],
         "points": values(found.points),
@@ -170,13 +171,23 @@ def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         "archived_cost": found.archived_cost,
         "population": values(found.population_points),
     }
+    if found.found_by:
+        history["found_by"] = list(found.found_by)
+    if found.minimises:
+        history["minimises"] = ["" if k < 0 else searched.tests[k] for k in found.minimises]
+    if found.generations.size:
+        flown = values(found.points[found.generations.ravel()])
+        history["generations"] = flown.reshape(*found.generations.shape, -1)
+        history["cluster"] = found.generation_labels
     front = {"nrmsd": found.objectives[found.front], "parameters": values(found.points[found.front])}
     undiscovered = found.expected_undiscovered
     attributes = {
         "method": outcome.configuration["search"],
+        "description": search_descriptions()[outcome.configuration["search"]],
         "evaluations": found.evaluations,
         "gradients": found.gradients,
         "expected_undiscovered_minima": np.nan if undiscovered is None else undiscovered,
+        "complete": -1 if found.complete is None else int(found.complete),
     }
     return {
         "/search": group_dataset(
@@ -197,6 +208,7 @@ def _minima(outcome: IdentificationResult) -> xr.Dataset:
             "nrmsd": problem.objectives(points),
             "log_posterior": [-minimum.value for minimum in outcome.minima],
             "at_bound": np.stack([minimum.at_bound for minimum in outcome.minima]),
+            "found_by": [minimum.found_by for minimum in outcome.minima],
         },
         {**parameter_axis(problem.space.names, problem.space.units), "test": axis("test", list(problem.tests))},
     )

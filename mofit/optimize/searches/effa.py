@@ -7,12 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mofit.optimize.global_search import Gradients, Objectives, Progress, SearchResult
+from mofit.optimize.global_search import STAGES, Gradients, Objectives, Progress, SearchResult
 from mofit.optimize.single_linkage import MlslSettings, SingleLinkage, interquartile_range
 from mofit.optimize.swarm import SwarmSettings, cluster_centres, fly
-
-#: Stages of the search that find minima.
-SWARM, COMPLETION = "swarm", "completion"
 
 
 @dataclass(frozen=True)
@@ -22,10 +19,10 @@ class EffaSettings:
     swarm: SwarmSettings = field(default_factory=SwarmSettings)
     completion: MlslSettings = field(
         default_factory=lambda: MlslSettings(
-            evaluations=1200, start_share=1.0, test_starts=True, single_share=0.1, front_share=0.35, front_candidates=4
+            evaluations=1500, start_share=1.0, test_starts=True, single_share=0.1, front_share=0.35, front_candidates=4
         )
     )
-    """The budget is that of the whole search. One minimum in up to five parameters takes 1,000 evaluations until no
+    """The budget is that of the whole search. One minimum takes some 1,000 evaluations until no
     other is expected. The swarm brings points near the minima of single objectives, so that these need less."""
 
 
@@ -40,7 +37,8 @@ def search(
 ) -> SearchResult:
     """Enhanced firefly algorithm (eFFA), multi-objective, with a completion; see `mofit.optimize.searches.mlsl.search`.
 
-    1. *Swarm*: the fireflies start on a Sobol sample and fly for some generations (`mofit.optimize.swarm.fly`).
+    1. *Swarm*: the fireflies start at the better points of a Sobol sample and fly for some generations
+       (`mofit.optimize.swarm.fly`).
     2. *Clusters*: all points that the swarm evaluated are clustered by their weighted mean, and a gradient descent
        starts from the centre of each cluster. A known minimum ends it early.
     3. *Completion*: multi-level single linkage outside of the basins that are known, until few minima are expected
@@ -66,14 +64,16 @@ def search(
     """
     settings = settings or EffaSettings()
     found = SingleLinkage(objectives, gradients, dimension, rng, settings.completion, weights, progress)
-    first = found.draw(settings.swarm.fireflies(settings.completion.evaluations))
-    swarm = fly(found.log, first, found.mean.weights, rng, settings.swarm)
+    found.draw(settings.completion.round)  # tells how many objectives there are, and so what is reserved
+    fireflies = settings.swarm.fireflies(found.log.used + found.log.left)
+    found.draw(settings.swarm.candidates * fireflies - len(found.sample))
+    swarm = fly(found.log, found.sample, found.mean.weights, rng, settings.swarm)
     flown = swarm.rows
     cost = found.mean.cost(found.log.values[flown])
     centres, labels = cluster_centres(found.log.points[flown], cost, settings.swarm)
-    found.descend_from(found.mean, flown[centres], interquartile_range(cost), SWARM)
+    found.descend_from(found.mean, flown[centres], interquartile_range(cost), STAGES[0])
     found.note()
-    found.complete(COMPLETION)
-    found.finish(flown, (SWARM, COMPLETION))
+    found.complete(STAGES[1])
+    found.finish(flown, STAGES)
     clusters = labels[np.searchsorted(flown, swarm.generations)]
     return found.result(swarm.generations[-1], clusters[-1], generations=swarm.generations, generation_labels=clusters)
