@@ -62,6 +62,10 @@ class MlslSettings:
     """Best minima of the weighted mean from which each single objective is minimised."""
     front_share: float = 0.3
     """Share of the budget reserved, with several objectives, for filling the Pareto front."""
+    single_most: int | None = None
+    """Evaluations for minima of single objectives at most; None: what the reserve for the front leaves."""
+    front_most: int | None = None
+    """Evaluations for filling the front at most; None: what is left."""
     front_candidates: int = 1
     """Points of which one, in a sparse place, is evaluated there."""
     descent: DescentSettings = field(default_factory=DescentSettings)
@@ -78,10 +82,26 @@ class MlslSettings:
         ]
         check_settings("search", self, checks)
 
-    def reserved_share(self, objectives: int) -> float:
-        """Share of the budget that is not for the minima of the weighted mean."""
-        several = self.single_share + self.front_share if objectives > 1 else 0.0
-        return several + (self.final_share if self.final_tolerance else 0.0)
+    def reserved(self, objectives: int) -> int:
+        """Evaluations that are not for the minima of the weighted mean."""
+        final = self.final_share if self.final_tolerance else 0.0
+        if objectives == 1:
+            return int(final * self.evaluations)
+        if self.single_most is None or self.front_most is None:
+            return int((final + self.single_share + self.front_share) * self.evaluations)
+        return int(final * self.evaluations) + self.single_evaluations + self.front_evaluations
+
+    @property
+    def single_evaluations(self) -> int:
+        """For minima of single objectives."""
+        share = int(self.single_share * self.evaluations)
+        return share if self.single_most is None else min(share, self.single_most)
+
+    @property
+    def front_evaluations(self) -> int:
+        """For filling the front."""
+        share = int(self.front_share * self.evaluations)
+        return share if self.front_most is None else min(share, self.front_most)
 
 
 class SingleLinkage:
@@ -138,7 +158,7 @@ class SingleLinkage:
             count = values.shape[1]
             self.mean = MinimaArchive(normalised_weights(self._weights, count))
             self.singles = [MinimaArchive(row) for row in np.eye(count)] if count > 1 else []
-            self.log.reserved = int(self.settings.reserved_share(count) * self.log.budget)
+            self.log.reserved = self.settings.reserved(count)
         self.sample = np.concatenate([self.sample, rows])
         return rows
 
@@ -218,10 +238,16 @@ class SingleLinkage:
         if self.settings.final_tolerance is not None:
             self.mean = self._tightened(self.settings.final_tolerance)
         if self.singles:
-            self.log.reserved = min(int(self.settings.front_share * self.log.budget), self.log.left)
+            log, settings = self.log, self.settings
+            for_singles = max(0, log.left - settings.front_evaluations)
+            if settings.single_most is not None:
+                for_singles = min(for_singles, settings.single_evaluations)
+            log.reserved = log.left - for_singles
             self._minimise_singles(others, found_by)
-            self.log.reserved = 0
-            fill_front(self.log, self.mean, self._rng, self.settings.front_candidates)
+            log.reserved = 0
+            if settings.front_most is not None:
+                log.reserved = max(0, log.left - settings.front_evaluations)
+            fill_front(log, self.mean, self._rng, settings.front_candidates)
 
     def best_of_sample(self) -> Indices:
         """Rows of the better share of the sample."""

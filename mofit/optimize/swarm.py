@@ -24,8 +24,8 @@ class SwarmSettings:
     """Points of the sample per firefly: of them it starts from the brightest, as it sees them, that no other took."""
     moves: int = 3
     """Generations after the first."""
-    most: int = 1024
-    """Fireflies: more find no more, the Sobol points of the completion cost less."""
+    most: int = 64
+    """Fireflies: in large budgets the points of the completion do more."""
     joint: float = 1 / 3
     """Of several objectives, share of the fireflies that see the weighted mean; half of the others see one each, the
     other half weights drawn at random."""

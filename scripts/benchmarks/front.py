@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,17 @@ from benchmarks.rows import Absent, imported
 from mofit._typing import FloatArray
 from mofit.data import bundled_campaign, read_campaign
 from mofit.identification.problem_setup import set_up_problem
-from mofit.identification.search_registry import DEFAULT_SEARCH, find_search, search_descriptions
+from mofit.identification.search_registry import find_search, search_descriptions
 from mofit.identification.settings import Settings
 from mofit.models import find_model
 from mofit.optimize.pareto_front import hypervolume, nondominated
+from mofit.optimize.searches import effa
+from mofit.optimize.searches.effa import EffaSettings
 from mofit.problem import Problem
 from studies.report_page import versions
 
-TIMES = 10
+#: Budget of the comparison at equal cost, and how many times that NSGA-III gets.
+FEW, TIMES = 600, 10
 MODEL = "maxwell_tyre"
 
 
@@ -50,14 +54,17 @@ def run(runs: int = 10, seed: int = 0, jobs: int = 1) -> tuple[list[dict[str, An
             name: find_search(name)(problem.objectives, problem.gradients, dimension, rng).objectives
             for name in search_descriptions()
         }
+        few = replace(EffaSettings(), completion=replace(EffaSettings().completion, evaluations=FEW))
+        fewer = effa.search(problem.objectives, problem.gradients, dimension, np.random.default_rng(number), few)
+        found = {f"effa, {FEW} evaluations": fewer.objectives, **found}
         try:
-            found |= _nsga(problem, TIMES * len(found[DEFAULT_SEARCH]), number)
+            found |= _nsga(problem, TIMES * FEW, number)
         except Absent as reason:
             skipped = [{"search": "NSGA-III (pymoo)", "skipped": str(reason)}]
         for name, objectives in found.items():
             fronts.setdefault(name, []).append(objectives)
             evaluations[name] = len(objectives)
-    evaluations |= {name: TIMES * evaluations[DEFAULT_SEARCH] for name in fronts if name.startswith("NSGA")}
+    evaluations |= {name: TIMES * FEW for name in fronts if name.startswith("NSGA")}
     everything = np.vstack([values for several in fronts.values() for values in several])
     best = everything[nondominated(everything)]
     ideal, worst = best.min(axis=0), best.max(axis=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 from benchmarks.rows import imported
 from mofit._typing import FloatArray
-from mofit.optimize.searches import effa_2016, surrogate
+from mofit.optimize.searches import effa, effa_2016, surrogate
 from mofit.optimize.searches import mlsl as own_mlsl
 
 
@@ -98,10 +98,31 @@ def paper(landscape: Landscape, dimension: int, _: int, rng: np.random.Generator
 
 
 def by_mlsl(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
-    """The default search, made to use the whole budget."""
+    """Single linkage, made to use the whole budget."""
     settings = own_mlsl.MlslSettings(evaluations=budget, gradient_cost=price, undiscovered=None)
     result = own_mlsl.search(landscape.value, landscape.gradient, dimension, rng, settings)
     return Answer(result.archived_points, result.evaluations + (price - 1) * result.gradients)
+
+
+def by_effa(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
+    """The default search, made to use the whole budget."""
+    return _effa(landscape, dimension, budget, rng, price)[0]
+
+
+def by_swarm(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Answer:
+    """Of the default search, what the clusters of the swarm alone led to, and what was spent in all."""
+    answer, found_by = _effa(landscape, dimension, budget, rng, price)
+    return Answer(answer.points[[stage == "swarm" for stage in found_by]], answer.spent)
+
+
+def _effa(
+    landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int
+) -> tuple[Answer, tuple[str, ...]]:
+    default = effa.EffaSettings()
+    completion = replace(default.completion, evaluations=budget, gradient_cost=price, undiscovered=None)
+    settings = replace(default, completion=completion)
+    result = effa.search(landscape.value, landscape.gradient, dimension, rng, settings)
+    return Answer(result.archived_points, result.evaluations + (price - 1) * result.gradients), result.found_by
 
 
 def by_surrogate(landscape: Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int) -> Answer:

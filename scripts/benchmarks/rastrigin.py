@@ -129,6 +129,8 @@ class Entry:
 
 ENTRIES = (
     Entry("effa-2016", peers.paper, times=4),  # its shares are compared with those of 4,000 runs
+    Entry("effa", peers.by_effa, 700, gradients=True),
+    Entry("effa, its swarm", peers.by_swarm, 700, gradients=True),
     Entry("mlsl", peers.by_mlsl, gradients=True),
     Entry("surrogate", peers.by_surrogate, 300, runs=200),
     Entry("multi-start", peers.multi_start, gradients=True),
@@ -185,6 +187,7 @@ NOTES = {
     "peers": "L-BFGS-B from Sobol points (multi-start), MLSL with L-BFGS (NLopt), the others SciPy",
     "%": f"of runs with the global, and with 10 or more, 9, ... minima, to within {LOOSE} as in the paper",
     "found": f"minima with a reported point within {STRICT}; strict %: global so; all %: of runs with all found",
+    "effa": "700 evaluations; its swarm: the minima that descents from the centres of the swarm's clusters found",
     "price": "evaluations that a value with its gradient counts",
 }
 

@@ -24,9 +24,9 @@ def test_a_study_imports_and_names_its_page_and_its_command(path: Path) -> None:
 
 
 def test_a_page_names_its_command_and_versions() -> None:
-    lines = header("Title", "First line.\n\n    usage\n\nThe method.\n", "two_modes.py --seeds 1", "A note.")
+    lines = header("Title", "First line.\n\n    usage\n\nThe method.\n", "several_modes.py --seeds 1", "A note.")
     assert lines[:3] == ["# Title", "", "The method."]
-    assert lines[4] == "Written by `python scripts/studies/two_modes.py --seeds 1`. A note."
+    assert lines[4] == "Written by `python scripts/studies/several_modes.py --seeds 1`. A note."
     assert table(("a", "b"), [(1, "x")]) == ["| a | b |", "|---|---|", "| 1 | x |", ""]
     assert "numpy" in made_with()
 

@@ -50,7 +50,7 @@ def test_one_minimum_is_complete_before_the_budget_is_spent():
     )
     assert result.complete
     assert result.expected_undiscovered < 0.01
-    assert result.evaluations < 1500
+    assert result.evaluations < 700
     assert result.found_by == ("swarm",)
     assert result.archived_points == pytest.approx(CENTRES[:1], abs=2e-3)
 
@@ -65,12 +65,12 @@ def test_a_spent_budget_is_said():
 
 def test_several_objectives():
     result = search(bowls, slopes, 3, np.random.default_rng(0))
-    assert result.evaluations == 1500
+    assert result.evaluations < 1500  # the front takes no more than its share
     assert result.archived_points[0] == pytest.approx(CENTRES.mean(axis=0), abs=2e-3)
     gaps = np.linalg.norm(result.archived_points[:, None] - CENTRES, axis=2)
     assert np.all(gaps.min(axis=0) < 5e-3)  # the minima of single objectives
     assert np.array_equal(result.front, nondominated(result.objectives))
-    assert len(result.front) > 500
+    assert len(result.front) > 300
     assert result.complete
 
 

@@ -19,11 +19,19 @@ class EffaSettings:
     swarm: SwarmSettings = field(default_factory=SwarmSettings)
     completion: MlslSettings = field(
         default_factory=lambda: MlslSettings(
-            evaluations=1500, start_share=1.0, test_starts=True, single_share=0.1, front_share=0.35, front_candidates=4
+            evaluations=4000,
+            start_share=1.0,
+            test_starts=True,
+            single_share=0.1,
+            front_share=0.35,
+            single_most=150,
+            front_most=500,
+            front_candidates=4,
         )
     )
-    """The budget is that of the whole search. One minimum takes some 1,000 evaluations until no
-    other is expected. The swarm brings points near the minima of single objectives, so that these need less."""
+    """The budget is that of the whole search: enough until, of four minima, no other is expected. Every point counts as
+    one whose basin is known, since a start that lies in a known basin costs few evaluations. The swarm brings points
+    near the minima of single objectives, so that these need less."""
 
 
 def search(
