@@ -26,7 +26,7 @@ from mofit import plots
 from mofit.data import bundled_campaign
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.spectral_classes import CLASS_INDEX, SPECTRAL_CLASSES
-from mofit.optimize.searches import mlsl
+from mofit.optimize.searches import effa
 from mofit.sampling import verdict
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -149,27 +149,34 @@ def result_verdicts() -> Figure:
 
 @picture
 def method_search() -> Figure:
-    """Multi-level single linkage on a function with several minima."""
+    """The default search on two tests that prefer different points: fireflies over generations, clusters, minima."""
+    shifts = np.array([[0.0, 0.0], [0.12, 0.08]])
 
     def cost(u: np.ndarray) -> np.ndarray:
-        return (
-            1.2 - 0.5 * np.cos(3 * np.pi * u[:, :1]) * np.cos(2 * np.pi * u[:, 1:]) + ((u - 0.6) ** 2).sum(1)[:, None]
-        )
+        return gradients(u)[0]
 
     def gradients(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (np.pi * u * [3, 2]).T
-        slope = np.stack([1.5 * np.pi * np.sin(x) * np.cos(y), 1.0 * np.pi * np.cos(x) * np.sin(y)], 1)
-        return cost(u), (slope + 2 * (u - 0.6))[:, None, :]
+        v = u[:, None] - shifts
+        x, y = np.moveaxis(np.pi * v * [3, 2], -1, 0)
+        values = 1.2 - 0.5 * np.cos(x) * np.cos(y) + ((v - 0.55) ** 2).sum(-1)
+        slope = np.stack([1.5 * np.pi * np.sin(x) * np.cos(y), np.pi * np.cos(x) * np.sin(y)], -1)
+        return values, slope + 2 * (v - 0.55)
 
-    found = mlsl.search(cost, gradients, 2, np.random.default_rng(1))
-    grid = np.stack(np.meshgrid(np.linspace(0, 1, 41), np.linspace(0, 1, 41)), axis=-1)
-    figure, axes = plt.subplots(figsize=(4.4, 3.4), layout="constrained")
-    height = cost(grid.reshape(-1, 2)).reshape(41, 41)
-    axes.contour(*grid.transpose(2, 0, 1), height, levels=5, cmap="Blues_r", linewidths=0.7)
-    axes.plot(*found.points.T, ".", ms=3, color=GREY, label=f"evaluated points ({len(found.points)})")
-    axes.plot(*found.points[found.archived].T, "o", ms=6, color=ORANGE, mec="white", label="minima found")
-    axes.set(xlabel="parameter 1, unit cube", ylabel="parameter 2, unit cube", xlim=(0, 1), ylim=(0, 1))
-    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False)
+    found = effa.search(cost, gradients, 2, np.random.default_rng(1))
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, 61), np.linspace(0, 1, 61)), axis=-1)
+    height = cost(grid.reshape(-1, 2)).mean(axis=1).reshape(61, 61)
+    figure, panels = plt.subplots(1, 3, figsize=(8.4, 3.2), layout="constrained", sharey=True)
+    colours = plt.get_cmap("tab10")
+    single = np.array(found.minimises) >= 0
+    for axes, generation in zip(panels, (0, 1, 3), strict=True):
+        axes.contour(*grid.transpose(2, 0, 1), height, levels=6, cmap="Greys", linewidths=0.6)
+        here, label = found.points[found.generations[generation]], found.generation_labels[generation]
+        axes.scatter(*here.T, s=14, c=[colours(k % 10) for k in label])
+        axes.plot(*found.archived_points[~single].T, "*", ms=11, color=ORANGE, mec="white", label="minimum of the mean")
+        axes.plot(*found.archived_points[single].T, "s", ms=5, mfc="none", mec="black", label="of a single test")
+        axes.set(title=f"generation {generation}", xlabel="parameter 1", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    panels[0].set_ylabel("parameter 2, unit cube")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
     return figure
 
 
