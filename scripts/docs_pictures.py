@@ -163,13 +163,13 @@ def method_search() -> Figure:
         return values, slope + 2 * (v - 0.55)
 
     found = effa.search(cost, gradients, 2, np.random.default_rng(1))
-    grid = np.stack(np.meshgrid(np.linspace(0, 1, 61), np.linspace(0, 1, 61)), axis=-1)
-    height = cost(grid.reshape(-1, 2)).mean(axis=1).reshape(61, 61)
+    grid = np.stack(np.meshgrid(np.linspace(0, 1, 31), np.linspace(0, 1, 31)), axis=-1)
+    height = cost(grid.reshape(-1, 2)).mean(axis=1).reshape(31, 31)
     figure, panels = plt.subplots(1, 3, figsize=(8.4, 3.2), layout="constrained", sharey=True)
     colours = plt.get_cmap("tab10")
     single = np.array(found.minimises) >= 0
     for axes, generation in zip(panels, (0, 1, 3), strict=True):
-        axes.contour(*grid.transpose(2, 0, 1), height, levels=6, cmap="Greys", linewidths=0.6)
+        axes.contour(*grid.transpose(2, 0, 1), height, levels=4, cmap="Greys", linewidths=0.6)
         here, label = found.points[found.generations[generation]], found.generation_labels[generation]
         axes.scatter(*here.T, s=14, c=[colours(k % 10) for k in label])
         axes.plot(*found.archived_points[~single].T, "*", ms=11, color=ORANGE, mec="white", label="minimum of the mean")

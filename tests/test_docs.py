@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from mofit.optimize.searches.effa import EffaSettings
 from mofit.sampling import SampleSettings
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -101,8 +102,17 @@ def test_pictures_are_small_used_and_made_by_the_script() -> None:
 
 def test_numbers_of_the_method_are_those_of_the_code() -> None:
     text = " ".join((DOCS / "method.md").read_text(encoding="utf-8").split())
-    sampling = SampleSettings()
+    sampling, search = SampleSettings(), EffaSettings()
+    swarm, completion = search.swarm, search.completion
     for sentence in (
+        f"The first {swarm.most * swarm.candidates} points",
+        f"Each of {swarm.most} fireflies",
+        rf"$\beta = {swarm.beta:g}$, $\gamma = {swarm.gamma:g}$",
+        rf"$\alpha = {swarm.alpha:g}$, $\delta = {swarm.delta:g}$",
+        rf"the ${swarm.neighbours:g} \ln n$ nearest",
+        f"The budget is {completion.evaluations:,} evaluations",
+        f"falls below {completion.undiscovered:g}",
+        f"at most {completion.single_most} evaluations. At most {completion.front_most} more",
         f"longer than {sampling.tau_multiple:g} autocorrelation times",
         f"settled to {100 * sampling.tau_change:g} %",
         f"R-hat is at most {sampling.max_r_hat:g}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import islice
 from math import gamma, pi
 from typing import Any
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from mofit._typing import FloatArray
-from mofit.errors import InputError, check_settings
+from mofit.errors import InputError
 from mofit.optimize.bfgs import DescentSettings, descend
 from mofit.optimize.evaluation_log import EvaluationLog
 from mofit.optimize.global_search import (
@@ -25,83 +25,8 @@ from mofit.optimize.global_search import (
     normalised_weights,
 )
 from mofit.optimize.minima_archive import Endpoint, MinimaArchive, add_if_new, expected_undiscovered, in_known_basin
+from mofit.optimize.mlsl_settings import MlslSettings
 from mofit.optimize.pareto_front import fill_front, nondominated
-
-
-@dataclass(frozen=True)
-class MlslSettings:
-    """Settings of `SingleLinkage`. Lengths are shares of the box."""
-
-    evaluations: int = 600
-    """Budget."""
-    gradient_cost: int = 1
-    """Evaluations that a value with its gradient counts."""
-    round: int = 32
-    """Sobol points per round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
-    start_share: float = 0.5
-    """Better share of the points from which a descent may start."""
-    together: int = 4
-    """Descents that advance together: the kernel is faster in batches, but each knows fewer of the minima found."""
-    test_starts: bool = False
-    """Whether a start is left out if no hill lies between it and the nearest minimum (Ursem 1999): the test costs one
-    evaluation if there is one and five if not, the descent some fifteen."""
-    merge: float = 5e-3
-    """Ends this close are one minimum."""
-    tabu: float = 0.5
-    """A descent within this share of the tabu radius of a known minimum is rejected."""
-    undiscovered: float | None = 0.01
-    """Stop when the expected number of undiscovered minima of the weighted mean falls below this; None: use the whole
-    budget."""
-    final_tolerance: float | None = None
-    """Descend once more from all minima, to steps below this."""
-    final_share: float = 0.1
-    """Share of the budget reserved for that."""
-    single_share: float = 0.2
-    """Share of the budget reserved, with several objectives, for single-objective minima."""
-    single_starts: int = 4
-    """Best minima of the weighted mean from which each single objective is minimised."""
-    front_share: float = 0.3
-    """Share of the budget reserved, with several objectives, for filling the Pareto front."""
-    single_most: int | None = None
-    """Evaluations for minima of single objectives at most; None: what the reserve for the front leaves."""
-    front_most: int | None = None
-    """Evaluations for filling the front at most; None: what is left."""
-    front_candidates: int = 1
-    """Points of which one, in a sparse place, is evaluated there."""
-    descent: DescentSettings = field(default_factory=DescentSettings)
-
-    def __post_init__(self) -> None:
-        checks = [
-            ("evaluations", self.evaluations >= 10, "Give at least 10"),
-            ("round", self.round >= 1, "Give at least 1"),
-            ("start_share", 0 < self.start_share <= 1, "Give a share in (0, 1]"),
-            ("together", self.together >= 1, "Give at least 1"),
-            ("final_share", 0 <= self.final_share < 1, "Give a share in [0, 1)"),
-            ("single_share", 0 <= self.single_share < 1, "Give a share in [0, 1)"),
-            ("front_share", 0 <= self.front_share < 1, "Give a share in [0, 1)"),
-        ]
-        check_settings("search", self, checks)
-
-    def reserved(self, objectives: int) -> int:
-        """Evaluations that are not for the minima of the weighted mean."""
-        final = self.final_share if self.final_tolerance else 0.0
-        if objectives == 1:
-            return int(final * self.evaluations)
-        if self.single_most is None or self.front_most is None:
-            return int((final + self.single_share + self.front_share) * self.evaluations)
-        return int(final * self.evaluations) + self.single_evaluations + self.front_evaluations
-
-    @property
-    def single_evaluations(self) -> int:
-        """For minima of single objectives."""
-        share = int(self.single_share * self.evaluations)
-        return share if self.single_most is None else min(share, self.single_most)
-
-    @property
-    def front_evaluations(self) -> int:
-        """For filling the front."""
-        share = int(self.front_share * self.evaluations)
-        return share if self.front_most is None else min(share, self.front_most)
 
 
 class SingleLinkage:

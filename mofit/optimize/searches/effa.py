@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mofit.optimize.global_search import STAGES, Gradients, Objectives, Progress, SearchResult
-from mofit.optimize.single_linkage import MlslSettings, SingleLinkage, interquartile_range
+from mofit.optimize.mlsl_settings import MlslSettings
+from mofit.optimize.single_linkage import SingleLinkage, interquartile_range
 from mofit.optimize.swarm import SwarmSettings, cluster_centres, fly
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mofit.optimize.global_search import Gradients, Objectives, Progress, SearchResult
-from mofit.optimize.single_linkage import MlslSettings, SingleLinkage
+from mofit.optimize.mlsl_settings import MlslSettings
+from mofit.optimize.single_linkage import SingleLinkage
 
 
 def search(
