@@ -72,7 +72,8 @@ class SearchResult:
     complete
         Whether that number fell below the search's limit before the budget was spent; None where there is no estimate.
     found_by
-        Stage of the search that found each archived point, ``swarm`` or ``completion``; empty where there is one alone.
+        Stage of the search that found each archived point, ``swarm``, ``completion`` or ``adaptation``; empty where
+        there is one alone.
     generations
         Rows of `points` that hold the population of every generation, shape (generation, member); empty if not kept.
     generation_labels

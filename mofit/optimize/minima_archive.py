@@ -21,7 +21,10 @@ _PLACES = (np.array([0.5]), np.array([0.2, 0.35, 0.65, 0.8]))
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where a descent ended: row in the log, point, cost, BFGS inverse Hessian, and the stage that started it."""
+    """Where a descent ended: row in the log, point, cost, BFGS inverse Hessian, and the stage that started it.
+
+    ``smooth`` says whether the gradient describes the function there: if not, no step along it led down.
+    """
 
     row: int
     point: FloatArray
@@ -29,6 +32,7 @@ class Endpoint:
     inverse: FloatArray
     finished: bool
     found_by: str = ""
+    smooth: bool = True
 
 
 class MinimaArchive:
@@ -50,6 +54,8 @@ class MinimaArchive:
         self.ends: list[Endpoint] = []
         self.started: set[int] = set()
         self.inverses: list[FloatArray] = []
+        self.smooth: list[bool] = []
+        """`Endpoint.smooth` of every descent that ended."""
         self.tabu_radius = self.FIRST_TABU_RADIUS
         """Distance from a minimum within which no other is expected."""
         self._points = np.empty((0, 0))
@@ -139,6 +145,7 @@ def add_if_new(
     if archive.ends and not end.finished:
         return
     archive.inverses.append(end.inverse)
+    archive.smooth.append(end.smooth)
     if archive.ends:
         nearest = int(np.argmin(archive.gaps(end.point)))
         known = archive.ends[nearest]

@@ -204,7 +204,7 @@ class SingleLinkage:
         """Whether few enough minima are expected undiscovered."""
         return self.settings.undiscovered is not None and self.undiscovered < self.settings.undiscovered
 
-    def finish(self, others: Indices, found_by: tuple[str, str] = ("", "")) -> None:
+    def finish(self, others: Indices, found_by: tuple[str, str] = ("", ""), tighten: bool = True) -> None:
         """Tighten the minima, find those of each objective, and fill the front with what is left.
 
         Parameters
@@ -213,9 +213,11 @@ class SingleLinkage:
             Rows, beside the sample, from which a single objective may be minimised.
         found_by
             Stage that a minimum belongs to whose start is among those, and among the sample.
+        tighten
+            False where a descent would not tighten.
         """
         self.log.reserved = 0
-        if self.settings.final_tolerance is not None:
+        if tighten and self.settings.final_tolerance is not None:
             self.mean = self._tightened(self.settings.final_tolerance)
         if self.singles:
             self.log.reserved = min(int(self.settings.front_share * self.log.budget), self.log.left)

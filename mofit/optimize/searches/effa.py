@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mofit.optimize.global_search import Gradients, Objectives, Progress, SearchResult
+from mofit.optimize.rough_landscape import RoughSettings, is_rough, search_rough
 from mofit.optimize.single_linkage import MlslSettings, SingleLinkage, interquartile_range
 from mofit.optimize.swarm import SwarmSettings, cluster_centres, fly
 
 #: Stages of the search that find minima.
-SWARM, COMPLETION = "swarm", "completion"
+SWARM, COMPLETION, ADAPTATION = "swarm", "completion", "adaptation"
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class EffaSettings:
     )
     """The budget is that of the whole search. One minimum in up to five parameters takes 1,000 evaluations until no
     other is expected. The swarm brings points near the minima of single objectives, so that these need less."""
+    rough: RoughSettings = field(default_factory=RoughSettings)
 
 
 def search(
@@ -44,7 +46,9 @@ def search(
     2. *Clusters*: all points that the swarm evaluated are clustered by their weighted mean, and a gradient descent
        starts from the centre of each cluster. A known minimum ends it early.
     3. *Completion*: multi-level single linkage outside of the basins that are known, until few minima are expected
-       undiscovered or the budget is spent (`SearchResult.complete`).
+       undiscovered or the budget is spent (`SearchResult.complete`). If most descents end where the gradient does
+       not vanish, at kinks or in structure finer than their steps, and if the budget is large, CMA-ES takes the place
+       of the completion and finds the deepest minima alone (`mofit.optimize.rough_landscape`).
     4. *Front*: with several objectives, each is minimised alone, from the minima of the mean and from the points of
        the swarm; the rest of the budget fills the Pareto front.
 
@@ -73,7 +77,16 @@ def search(
     centres, labels = cluster_centres(found.log.points[flown], cost, settings.swarm)
     found.descend_from(found.mean, flown[centres], interquartile_range(cost), SWARM)
     found.note()
-    found.complete(COMPLETION)
-    found.finish(flown, (SWARM, COMPLETION))
+    rough = is_rough(found.log, found.mean, settings.rough)
+    if rough:
+        found.log.reserved = int(
+            replace(settings.completion, final_tolerance=None).reserved_share(len(found.mean.weights))
+            * found.log.budget
+        )
+        found.mean = search_rough(found.log, found.mean, rng, settings.rough, ADAPTATION)
+        found.note()
+    else:
+        found.complete(COMPLETION)
+    found.finish(flown, (SWARM, COMPLETION), tighten=not rough)
     clusters = labels[np.searchsorted(flown, swarm.generations)]
     return found.result(swarm.generations[-1], clusters[-1], generations=swarm.generations, generation_labels=clusters)
