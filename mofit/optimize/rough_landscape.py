@@ -26,14 +26,15 @@ class RoughSettings:
     """Evaluations left per parameter below which it is not searched: a run takes some hundred per parameter."""
     sample: int = 64
     """Uniform points per parameter in the first round."""
-    growth: float = 1.5
-    """Of sample and population from round to round: larger populations pass over larger structures (Auger and Hansen
-    2005), and what the first rounds have not found is smaller or rougher."""
+    growth: float = 2.0
+    """Of the sample from round to round: what the first rounds have not found is smaller."""
+    population_growth: float = 1.2
+    """Of the population: larger ones pass over rougher structure (Auger and Hansen 2005), but take longer."""
     neighbours: float = 1.0
     """As in `SwarmSettings`, for the clusters of the sample."""
     best: float = 0.5
     """Better share of the clusters, from which runs start."""
-    most: int = 64
+    most: int = 128
     """Runs per round."""
     together: int = 600
     """Points per generation of all runs that go together: one call of the function is then long beside its
@@ -60,6 +61,7 @@ class RoughSettings:
             ("least", self.least >= 0, "Give 0 or more"),
             ("sample", self.sample >= 8, "Give at least 8"),
             ("growth", self.growth >= 1, "Give 1 or more"),
+            ("population_growth", self.population_growth >= 1, "Give 1 or more"),
             ("best", 0 < self.best <= 1, "Give a share in (0, 1]"),
             ("most", self.most >= 1, "Give at least 1"),
         ]
@@ -131,7 +133,7 @@ def search_rough(
             some = starts[first : first + batch]
             steps = spacing / d**0.5 * np.exp(rng.uniform(np.log(short), np.log(long), len(some)))
             deepest.add(adapt(evaluate, some, steps, rng, int(population), deepest.stop))
-        size, population = size * settings.growth, population * settings.growth
+        size, population = size * settings.growth, population * settings.population_growth
     return deepest.archive(log, archive, found_by)
 
 
