@@ -49,6 +49,7 @@ class _Start:
     trials: int = 0
     steepest: float = 0.0
     restarted: bool = False
+    smooth: bool = True
     state: Literal["active", "ended", "rejected"] = "active"
 
 
@@ -90,7 +91,7 @@ def descend(
         if tabu > 0:
             _reject(running, tabu)
     return [
-        (s.archive, Endpoint(s.row, s.point, s.cost, s.inverse, s.state == "ended"))
+        (s.archive, Endpoint(s.row, s.point, s.cost, s.inverse, s.state == "ended", smooth=s.smooth))
         for s in running
         if s.state != "rejected"
     ]
@@ -173,7 +174,7 @@ def _advance(
         shorter = -expected / bend if bend > 0 and expected < 0 else 0.1
         start.scale *= float(np.clip(shorter, 0.1, 0.5))
         if length * start.scale < settings.tolerance * 0.1 or length == 0:
-            start.state = "ended"
+            start.state, start.smooth = "ended", bool(shorter < 0.25)  # else the rise is less than the promised fall
     if start.trials >= settings.most_steps:
         start.state = "ended"
 

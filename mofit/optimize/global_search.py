@@ -20,7 +20,7 @@ Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, note)``."""
 
 #: Stages of a search that tells them apart, the first one first.
-STAGES = ("swarm", "completion")
+STAGES = ("swarm", "completion", "adaptation")
 
 
 @dataclass(frozen=True)

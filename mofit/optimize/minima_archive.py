@@ -21,7 +21,10 @@ _PLACES = (np.array([0.5]), np.array([0.2, 0.35, 0.65, 0.8]))
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where a descent ended: row in the log, point, cost, BFGS inverse Hessian, and the stage that started it."""
+    """Where a descent ended: row in the log, point, cost, BFGS inverse Hessian, and the stage that started it.
+
+    ``smooth`` says whether the gradient describes the function there: if not, no step along it led down.
+    """
 
     row: int
     point: FloatArray
@@ -29,6 +32,7 @@ class Endpoint:
     inverse: FloatArray
     finished: bool
     found_by: str = ""
+    smooth: bool = True
 
 
 class MinimaArchive:
@@ -50,6 +54,8 @@ class MinimaArchive:
         self.ends: list[Endpoint] = []
         self.started: set[int] = set()
         self.inverses: list[FloatArray] = []
+        self.smooth: list[bool] = []
+        """`Endpoint.smooth` of every descent that ended."""
         self.tabu_radius = self.FIRST_TABU_RADIUS
         """Distance from a minimum within which no other is expected."""
         self._points = np.empty((0, 0))
@@ -139,6 +145,7 @@ def add_if_new(
     if archive.ends and not end.finished:
         return
     archive.inverses.append(end.inverse)
+    archive.smooth.append(end.smooth)
     if archive.ends:
         nearest = int(np.argmin(archive.gaps(end.point)))
         known = archive.ends[nearest]
@@ -152,11 +159,22 @@ def add_if_new(
 
 
 def in_known_basin(log: EvaluationLog, archive: MinimaArchive, point: FloatArray, cost: float, scale: float) -> bool:
-    """Whether no hill lies between a point and the nearest known minimum (Ursem's test, which costs evaluations)."""
+    """Whether the cost only falls on the line from a point to the nearest known minimum (it costs evaluations).
+
+    Ursem's test of `add_if_new` would not do: from a point high on the rim of an unknown basin no hill may be higher.
+    """
     if not archive.ends:
         return False
     known = archive.ends[int(np.argmin(archive.gaps(point)))]
-    return not _hill_between(log, archive, known, point, cost, scale)
+    path = {0.0: known.cost, 1.0: cost}
+    for places in _PLACES:
+        if log.left < len(places):
+            return False
+        _, values = log.evaluate(known.point + places[:, None] * (point - known.point))
+        path |= dict(zip(places.tolist(), archive.cost(values).tolist(), strict=True))
+        if np.any(np.diff([path[place] for place in sorted(path)]) < -_LEAST_RISE * scale):
+            return False
+    return True
 
 
 def _hill_between(

@@ -23,8 +23,8 @@ class MlslSettings:
     together: int = 4
     """Descents that advance together: the kernel is faster in batches, but each knows fewer of the minima found."""
     test_starts: bool = False
-    """Whether a start is left out if no hill lies between it and the nearest minimum (Ursem 1999): the test costs one
-    evaluation if there is one and five if not, the descent some fifteen."""
+    """Whether a start is left out if the cost only falls on the line from it to the nearest minimum: the test costs one
+    to five evaluations, the descent some fifteen."""
     merge: float = 5e-3
     """Ends this close are one minimum."""
     tabu: float = 0.5

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
-from math import gamma, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import cKDTree
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
@@ -24,6 +22,7 @@ from mofit.optimize.global_search import (
     SearchResult,
     normalised_weights,
 )
+from mofit.optimize.linkage import linked_starts
 from mofit.optimize.minima_archive import Endpoint, MinimaArchive, add_if_new, expected_undiscovered, in_known_basin
 from mofit.optimize.mlsl_settings import MlslSettings
 from mofit.optimize.pareto_front import fill_front, nondominated
@@ -90,7 +89,7 @@ class SingleLinkage:
     def descend(self, archive: MinimaArchive, rows: Indices, found_by: str, most: int | None = None) -> None:
         """Descend from the points that single linkage chooses among the rows: all of them, or the ``most`` best."""
         points, cost = self.log.points[rows], archive.cost(self.log.values[rows])
-        starts = rows[_linked(points, cost, self.settings.start_share)]
+        starts = rows[linked_starts(points, cost, self.settings.start_share)]
         self.descend_from(archive, starts, interquartile_range(cost), found_by, most)
 
     def descend_from(
@@ -149,7 +148,7 @@ class SingleLinkage:
         """Whether few enough minima are expected undiscovered."""
         return self.settings.undiscovered is not None and self.undiscovered < self.settings.undiscovered
 
-    def finish(self, others: Indices, found_by: tuple[str, str] = ("", "")) -> None:
+    def finish(self, others: Indices, found_by: tuple[str, str] = ("", ""), tighten: bool = True) -> None:
         """Tighten the minima, find those of each objective, and fill the front with what is left.
 
         Parameters
@@ -158,9 +157,11 @@ class SingleLinkage:
             Rows, beside the sample, from which a single objective may be minimised.
         found_by
             Stage that a minimum belongs to whose start is among those, and among the sample.
+        tighten
+            False where a descent would not tighten.
         """
         self.log.reserved = 0
-        if self.settings.final_tolerance is not None:
+        if tighten and self.settings.final_tolerance is not None:
             self.mean = self._tightened(self.settings.final_tolerance)
         if self.singles:
             log, settings = self.log, self.settings
@@ -239,26 +240,6 @@ class SingleLinkage:
         return tight
 
 
-def critical_distance(count: int, dimension: int) -> float:
-    r"""Distance within which one of so many uniform points in the unit cube has, in the limit, a better one.
-
-    .. math:: r_k = \pi^{-1/2} \left(\Gamma(1 + d/2)\, \frac{2 \ln k}{k}\right)^{1/d}
-    """
-    return float(pi**-0.5 * (gamma(1 + dimension / 2) * 2 * np.log(max(count, 2)) / count) ** (1 / dimension))
-
-
 def interquartile_range(cost: FloatArray) -> float:
     """Interquartile range of the finite costs; 0 of three or fewer."""
     return float(np.subtract(*np.quantile(cost[np.isfinite(cost)], [0.75, 0.25]))) if len(cost) > 3 else 0.0
-
-
-def _linked(points: FloatArray, cost: FloatArray, share: float) -> list[int]:
-    """Points of the better share with none better within the critical distance, best first."""
-    count, dimension = points.shape
-    order = np.argsort(cost, kind="stable")[: max(1, int(share * count))]
-    order = order[np.isfinite(cost[order])]
-    lone = np.ones(len(order), dtype=bool)
-    if len(order):
-        pairs = cKDTree(points[order]).query_pairs(critical_distance(count, dimension), output_type="ndarray")
-        lone[pairs.max(axis=1)] = False  # of each pair, the later one is the worse
-    return [int(k) for k in order[lone]]

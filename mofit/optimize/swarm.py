@@ -20,16 +20,16 @@ class SwarmSettings:
     share: float = 0.5
     """Of the budget for minima of the mean, for all generations together; the number of fireflies is the next lower
     power of 2, which fills the box evenly."""
-    candidates: int = 2
+    candidates: int = 3
     """Points of the sample per firefly: of them it starts from the brightest, as it sees them, that no other took."""
-    moves: int = 3
+    moves: int = 2
     """Generations after the first."""
     most: int = 64
     """Fireflies: in large budgets the points of the completion do more."""
     joint: float = 1 / 3
     """Of several objectives, share of the fireflies that see the weighted mean; half of the others see one each, the
     other half weights drawn at random."""
-    neighbours: float = 0.7
+    neighbours: float = 1.0
     """A point is the centre of a cluster if none of so many times ln n nearest of n points is brighter."""
     gamma: float = 0.75
     """Light absorption per unit-cube distance, as in Hackl et al. (2016)."""

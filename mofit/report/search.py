@@ -98,7 +98,7 @@ def _summary(run: Run, found: SearchMap) -> str:
         stages = [str(stage) for stage in node["found_by"].to_numpy()]
         text += (
             f"The clusters of the swarm led to {stages.count('swarm')} minima of the mean over the tests and of single "
-            f"tests; the completion added {stages.count('completion')}. "
+            f"tests; the completion added {len(stages) - stages.count('swarm')}. "
         )
     else:
         text += f"It archived {len(found.archived)} of them as minima or best points of clusters. "

@@ -64,6 +64,11 @@ class Niching:
         value = self.expression(x)
         return ca.Function("f", [x], [value, ca.gradient(value, x)])
 
+    @cached_property
+    def _value(self) -> ca.Function:
+        x = ca.SX.sym("x", self.dimension)
+        return ca.Function("f", [x], [self.expression(x)])
+
     def scaled(self, u: FloatArray) -> FloatArray:
         """Points of the unit cube in the box."""
         lower, upper = np.array(self.lower), np.array(self.upper)
@@ -71,7 +76,7 @@ class Niching:
 
     def value(self, u: FloatArray) -> FloatArray:
         """Function at points of the unit cube, to be minimised, shape (N, 1)."""
-        return self.gradient(u)[0]
+        return -np.array(self._value(self.scaled(u).T)).reshape(-1, 1) if len(u) else np.empty((0, 1))
 
     def gradient(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The same and its gradient, (N, 1) and (N, 1, d)."""

@@ -76,10 +76,10 @@ def test_several_objectives():
 
 def test_the_fireflies_are_kept_with_their_clusters():
     result = search(bowls, slopes, 3, np.random.default_rng(0))
-    assert result.generations.shape == result.generation_labels.shape == (4, 64)
+    assert result.generations.shape == result.generation_labels.shape == (3, 64)
     assert np.array_equal(result.population, result.generations[-1])
     assert np.array_equal(result.labels, result.generation_labels[-1])
-    assert len(np.unique(result.generations)) == 256
+    assert len(np.unique(result.generations)) == 192
     assert result.generation_labels.min() == 0
 
 

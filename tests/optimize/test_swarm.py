@@ -20,7 +20,7 @@ def three_tests(u):
 def flown(settings, count=64, objectives=three_tests, budget=10_000, seed=0):
     rng = np.random.default_rng(seed)
     log = EvaluationLog(objectives, lambda u: pytest.fail("no gradients"), 2, budget)
-    rows, values = log.evaluate(rng.random((2 * count, 2)))
+    rows, values = log.evaluate(rng.random((settings.candidates * count, 2)))
     weights = np.full(values.shape[1], 1 / values.shape[1])
     return log, fly(log, rows, weights, rng, settings)
 
@@ -29,7 +29,7 @@ def test_without_random_step_every_firefly_flies_to_the_centre_of_its_cluster():
     log, swarm = flown(SwarmSettings(moves=1, alpha=0.0, gamma=0.0))
     first, after = swarm.generations
     points = log.points[swarm.sample]
-    neighbours = round(SwarmSettings().neighbours * np.log(128))
+    neighbours = round(SwarmSettings().neighbours * np.log(len(points)))
     distance = np.linalg.norm(points[:, None] - points, axis=2)
     for i, direction in enumerate(swarm.directions):
         dark, centre = three_tests(points) @ direction, first[i]
@@ -80,7 +80,7 @@ def test_shares_of_directions(joint, mean, single):
 
 
 def test_a_generation_that_the_budget_does_not_allow_is_left_out():
-    log, swarm = flown(SwarmSettings(moves=3), budget=64 * 4 - 1)
+    log, swarm = flown(SwarmSettings(moves=3, candidates=2), budget=64 * 4 - 1)
     assert len(swarm.generations) == 2
     assert log.used == 64 * 3
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mofit.optimize.global_search import STAGES, Gradients, Objectives, Progress, SearchResult
 from mofit.optimize.mlsl_settings import MlslSettings
+from mofit.optimize.rough_landscape import RoughSettings, is_rough, search_rough
 from mofit.optimize.single_linkage import SingleLinkage, interquartile_range
 from mofit.optimize.swarm import SwarmSettings, cluster_centres, fly
 
@@ -33,6 +34,8 @@ class EffaSettings:
     """The budget is that of the whole search: enough until, of four minima, no other is expected. Every point counts as
     one whose basin is known, since a start that lies in a known basin costs few evaluations. The swarm brings points
     near the minima of single objectives, so that these need less."""
+    rough: RoughSettings = field(default_factory=RoughSettings)
+    """Where descents end although the gradient does not vanish."""
 
 
 def search(
@@ -51,7 +54,9 @@ def search(
     2. *Clusters*: all points that the swarm evaluated are clustered by their weighted mean, and a gradient descent
        starts from the centre of each cluster. A known minimum ends it early.
     3. *Completion*: multi-level single linkage outside of the basins that are known, until few minima are expected
-       undiscovered or the budget is spent (`SearchResult.complete`).
+       undiscovered or the budget is spent (`SearchResult.complete`). If most descents end where the gradient does
+       not vanish, at kinks or in structure finer than their steps, and if the budget is large, CMA-ES takes the place
+       of the completion and finds the deepest minima alone (`mofit.optimize.rough_landscape`).
     4. *Front*: with several objectives, each is minimised alone, from the minima of the mean and from the points of
        the swarm; the rest of the budget fills the Pareto front.
 
@@ -82,7 +87,14 @@ def search(
     centres, labels = cluster_centres(found.log.points[flown], cost, settings.swarm)
     found.descend_from(found.mean, flown[centres], interquartile_range(cost), STAGES[0])
     found.note()
-    found.complete(STAGES[1])
-    found.finish(flown, STAGES)
+    rough = is_rough(found.log, found.mean, settings.rough)
+    if rough:
+        without_final = replace(settings.completion, final_tolerance=None)
+        found.log.reserved = without_final.reserved(len(found.mean.weights))
+        found.mean = search_rough(found.log, found.mean, rng, settings.rough, STAGES[2])
+        found.note()
+    else:
+        found.complete(STAGES[1])
+    found.finish(flown, STAGES[:2], tighten=not rough)
     clusters = labels[np.searchsorted(flown, swarm.generations)]
     return found.result(swarm.generations[-1], clusters[-1], generations=swarm.generations, generation_labels=clusters)
