@@ -168,7 +168,7 @@ def method_search() -> Figure:
     figure, panels = plt.subplots(1, 3, figsize=(8.4, 3.2), layout="constrained", sharey=True)
     colours = plt.get_cmap("tab10")
     single = np.array(found.minimises) >= 0
-    for axes, generation in zip(panels, (0, 1, 3), strict=True):
+    for axes, generation in zip(panels, (0, 1, 2), strict=True):
         axes.contour(*grid.transpose(2, 0, 1), height, levels=4, cmap="Greys", linewidths=0.6)
         here, label = found.points[found.generations[generation]], found.generation_labels[generation]
         axes.scatter(*here.T, s=14, c=[colours(k % 10) for k in label])

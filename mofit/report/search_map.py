@@ -17,7 +17,7 @@ from mofit.report.toolkit.blocks import Figure
 from mofit.report.toolkit.figures import BASELINE, MEASURED, MODE_COLOURS, Panels, dot_key, mode_colour
 from mofit.report.toolkit.formatting import parameter_label
 
-#: Generations of the swarm that are shown: the first, one half way, the last.
+#: Pairs of parameters, and generations (the first, one half way, the last), that are shown of the swarm.
 _SHOWN = 3
 #: Clusters with a colour of their own.
 _COLOURED = 7

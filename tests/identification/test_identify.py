@@ -71,6 +71,19 @@ def test_residual_is_the_noise(run):
         assert value == pytest.approx(summary["noise_floor"][test], rel=0.15)
 
 
+def test_the_result_says_what_found_the_minima_and_whether_the_search_was_complete(run, tree):
+    _, summary = run
+    search = summary["search"]
+    assert search["method"] == "effa"
+    assert search["complete"] is True
+    assert 0 < search["expected_undiscovered"] < 0.01
+    assert sum(search["found_by"].values()) == search["minima"] == tree["search"].sizes["archive"]
+    assert summary["modes"][0]["found_by"] == "swarm"
+    assert set(tree["minima"]["found_by"].values) <= {"swarm", "completion"}
+    assert set(tree["search"]["minimises"].values) == {"", *tree["search"]["objective"].values}
+    assert tree["search"]["generations"].shape[2] == len(TRUTH)
+
+
 def test_run_folder_holds_what_it_should(run):
     folder, summary = run
     assert {"result.nc", "report.html", "report_data", "chains.h5", "run.log"} <= {
