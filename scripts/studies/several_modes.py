@@ -214,7 +214,8 @@ def page(rows: dict[str, list[dict]], arguments: argparse.Namespace) -> list[str
     command = f"several_modes.py --seeds {arguments.seeds} --search {arguments.search}"
     columns = (
         *("campaign", "modes", "runs", "all modes reported", "more reported", "converged"),
-        *("modes found by the swarm", "by the completion", "search complete"),
+        *(f"modes found by the {stage}" for stage in STAGES),
+        "search complete",
     )
     return [*header("Several modes", __doc__, command), *table(columns, cells), made_with()]
 
