@@ -98,8 +98,10 @@ def _search_line(search: Mapping[str, Any]) -> str:
     found = ", ".join(f"{number} by the {stage}" for stage, number in search["found_by"].items())
     line = f"Search: {search['method']}, {search['evaluations']} evaluations, {search['minima']} minima"
     line += f" ({found})." if found else "."
-    if search["expected_undiscovered"] is None:
+    if search["complete"] is None:
         return line
+    if search["expected_undiscovered"] is None:
+        return f"{line} The search was not complete: how many minima are undiscovered is not known."
     spent = "" if search["complete"] else " The budget was spent before this number fell below its limit."
     return f"{line} Expected undiscovered: {search['expected_undiscovered']:.2g}.{spent}"
 

@@ -104,6 +104,8 @@ def _summary(run: Run, found: SearchMap) -> str:
         text += f"It archived {len(found.archived)} of them as minima or best points of clusters. "
     text += f"Refinement led to {len(run.modes)} distinct mode{'' if len(run.modes) == 1 else 's'}."
     undiscovered = float(attrs.get("expected_undiscovered_minima", np.nan))
+    if attrs.get("complete", -1) == 0 and not np.isfinite(undiscovered):
+        return f"{text} The search was not complete: how many minima are undiscovered is not known."
     if not np.isfinite(undiscovered):
         return text
     text += f" Expected undiscovered minima of the mean over the tests: {number(undiscovered, 2)}"
