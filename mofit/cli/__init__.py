@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # most of what imports and figures make stays: looking for garbage after every 700 objects, as Python does by
     # itself, takes a sixth of the importing and a quarter of the drawing
     gc.set_threshold(50_000, 20, 20)
+    atexit.register(gc.freeze)  # the search for garbage before the end takes half a second
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return code if isinstance(code, int) else DONE

@@ -174,6 +174,9 @@ def swarm_figure(swarm: Swarm) -> Figure:
         _draw_swarm(swarm, x, y, generation, axes)
         if k < len(shown):
             axes.set_title(f"generation {generation}")
+        if generation != shown[0]:  # the ordinate is the first one's
+            axes.set_ylabel("")
+            axes.tick_params(axis="y", labelleft=False)
     clusters = int(swarm.cluster.max(initial=-1)) + 1
     return panels.figure(
         "Fireflies of three generations over pairs of parameters, coloured by cluster",

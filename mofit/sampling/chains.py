@@ -97,7 +97,11 @@ class Chains:
 
 
 def assess(run: Run, settings: SampleSettings) -> Chains:
-    """Convergence of a run as it stands: whether every requirement holds, see `SampleSettings`."""
+    """Convergence of a run as it stands: whether every requirement holds, see `SampleSettings`.
+
+    R-hat and ESS are computed once all others hold, and after the last step.
+    """
+    last = run.steps >= settings.max_steps
     chain = np.stack([ensemble.chain for ensemble in run.ensembles])
     log_prob = np.stack([ensemble.chain_log_prob for ensemble in run.ensembles])
     steps = chain.shape[1]
@@ -109,7 +113,6 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
     longest = float(tau.max())
     discard = int(min(np.ceil(2 * longest), steps // 2)) if np.isfinite(longest) else steps // 2
     points = _draws(chain, log_prob, lost, tau, discard).points
-    ess, mixing = effective_size(points), r_hat(points)
 
     usable, wanted = steps - discard, settings.tau_multiple * longest
     change = float(np.max(np.abs(tau - run.tau) / tau)) if np.isfinite(longest) else np.inf
@@ -118,10 +121,16 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
         (len(chain) >= settings.least_ensembles, f"{len(chain)} ensembles are fewer than {settings.least_ensembles}"),
         (usable > wanted, f"{usable} steps are fewer than {settings.tau_multiple:g} tau = {wanted:.0f}"),
         (change <= settings.tau_change, f"tau still changes, by {100 * change:.1f} % between checks"),
-        (bool(np.all(mixing <= settings.max_r_hat)), f"R-hat is {np.max(mixing):.4f}, above {settings.max_r_hat:g}"),
-        (bool(np.all(ess >= settings.min_ess)), f"ESS is {np.min(ess):.0f}, below {settings.min_ess:g}"),
         (lost.mean() <= settings.max_stuck, astray),
     ]
+    ess, mixing = np.zeros(chain.shape[3]), np.full(chain.shape[3], np.nan)
+    if last or all(fine for fine, _ in requirements):  # they take longer than the others, and matter only after them
+        ess, mixing = effective_size(points), r_hat(points)
+        highest, least = float(np.max(mixing)), float(np.min(ess))
+        requirements += [
+            (highest <= settings.max_r_hat, f"R-hat is {highest:.4f}, above {settings.max_r_hat:g}"),
+            (least >= settings.min_ess, f"ESS is {least:.0f}, below {settings.min_ess:g}"),
+        ]
     reasons = tuple(reason for fine, reason in requirements if not fine)
     return Chains(
         chain=chain,
