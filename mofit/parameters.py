@@ -25,7 +25,7 @@ class Parameter:
     """SI unit, e.g. ``"N s/m"``; ``"1"`` if it has none."""
     lower: float
     upper: float
-    """Bounds of the box that is searched."""
+    """Bounds of the box that is searched: a range, which an identification widens where the best fit lies at it."""
     nominal: float
     """A typical value inside the bounds; used where nothing was identified."""
     scale: Literal["linear", "log"] = "linear"
@@ -36,6 +36,41 @@ class Parameter:
     """For effects: the value at which the effect vanishes."""
     grid: tuple[float, ...] = ()
     """For effects: values to try of a parameter that means nothing while the effect is not there."""
+    limits: tuple[float, float] | None = None
+    """Values that are possible at all; the range is never widened beyond them. By default a bound at zero is one, and a
+    log scale stays positive."""
+    scales: tuple[tuple[str, float], ...] = ()
+    """How range, nominal value and grid grow with the data: powers of channels, see `powers` and `Model.typical`."""
+
+    @property
+    def possible(self) -> tuple[float, float]:
+        """The limits, given or by default."""
+        if self.limits is not None:
+            return self.limits
+        return (0.0 if self.scale == "log" or self.lower == 0 else -math.inf, 0.0 if self.upper == 0 else math.inf)
+
+    def times(self, factor: float) -> Parameter:
+        """The parameter with range, nominal and special values times a factor above 0."""
+        return replace(
+            self,
+            lower=self.lower * factor,
+            upper=self.upper * factor,
+            nominal=self.nominal * factor,
+            neutral=None if self.neutral is None else self.neutral * factor,
+            grid=tuple(value * factor for value in self.grid),
+            limits=None if self.limits is None else (self.limits[0] * factor, self.limits[1] * factor),
+        )
+
+    def farther(self, side: int, factor: float = 10.0) -> Parameter:
+        """The range widened at its lower (-1) or upper end (1), as far as the limits allow; itself if they don't.
+
+        By that factor on a log scale, else so that the range is that many times as wide.
+        """
+        ends, room = [self.lower, self.upper], (factor - 1) * (self.upper - self.lower)
+        k = 0 if side < 0 else 1
+        wider = ends[k] * factor**side if self.scale == "log" else ends[k] + side * room
+        ends[k] = float(np.clip(wider, *self.possible))
+        return replace(self, lower=ends[0], upper=ends[1])
 
     def issues(self) -> list[Issue]:
         """Everything that makes this parameter unusable."""
@@ -57,6 +92,11 @@ class Parameter:
             if not self.lower <= value <= self.upper:
                 found.append((f"{what} {value:g} lies outside {box}", "Move it inside the bounds"))
         return [Issue(f"parameter '{self.name}'", message, hint) for message, hint in found]
+
+
+def powers(**exponents: float) -> tuple[tuple[str, float], ...]:
+    """``powers(force=1, displacement=-1)``: `Parameter.scales` of a stiffness."""
+    return tuple(exponents.items())
 
 
 @dataclass(frozen=True)
@@ -124,6 +164,11 @@ class ParameterSpace:
         low[self._is_log], high[self._is_log] = np.log(low[self._is_log]), np.log(high[self._is_log])
         return low, high - low
 
+    @property
+    def log_width(self) -> FloatArray:
+        """Natural logarithm of upper over lower bound where the scale is logarithmic, else 0; shape (d,)."""
+        return np.where(self._is_log, self._base[1], 0.0)
+
     def index(self, name: str) -> int:
         """Position of a parameter.
 
@@ -142,12 +187,20 @@ class ParameterSpace:
         return ParameterSpace(tuple(self[name] for name in names))
 
     def with_bounds(self, name: str, lower: float, upper: float) -> ParameterSpace:
-        """The space with other bounds for one parameter; its nominal value is clipped into them."""
-        changed = list(self.parameters)
-        position = self.index(name)
-        nominal = min(max(changed[position].nominal, lower), upper)
-        changed[position] = replace(changed[position], lower=lower, upper=upper, nominal=nominal)
-        return ParameterSpace(tuple(changed))
+        """The space with other bounds for one parameter, which are its limits too; its nominal value is clipped."""
+        one = self[name]
+        nominal = min(max(one.nominal, lower), upper)
+        return self.with_parameter(replace(one, lower=lower, upper=upper, nominal=nominal, limits=(lower, upper)))
+
+    def with_parameter(self, changed: Parameter) -> ParameterSpace:
+        """The space with another parameter of that name."""
+        position = self.index(changed.name)
+        return ParameterSpace((*self.parameters[:position], changed, *self.parameters[position + 1 :]))
+
+    def farther(self, sides: ArrayLike) -> ParameterSpace:
+        """The space with wider ranges where sides (d,) are -1 (at the lower end) or 1, see `Parameter.farther`."""
+        ends = zip(self.parameters, np.asarray(sides).tolist(), strict=True)
+        return ParameterSpace(tuple(one.farther(side) if side else one for one, side in ends))
 
     def to_unit(self, values: ArrayLike) -> FloatArray:
         """Map values, shape (..., d), to the unit cube."""

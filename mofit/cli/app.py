@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -14,6 +15,7 @@ from cyclopts import App, Parameter
 from mofit import __version__
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.identification.search_registry import search_help
+from mofit.units import parse_quantity
 
 T = TypeVar("T")
 
@@ -53,12 +55,23 @@ Search = Annotated[str, Parameter(help=search_help())]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
+TimeLimit = Annotated[
+    str | None, Parameter(help="Time after which the command ends with what there is, as in 60s or 5min; exit code 3.")
+]
 FinishedRun = Annotated[Path, Parameter(help="Folder of a finished run.")]
 
 
 def cores(jobs: int | None) -> int:
     """The threads or processes asked for; by default one per core."""
     return jobs or os.cpu_count() or 1
+
+
+def seconds(option: str, text: str | None) -> float | None:
+    """``"60s"``, ``"5 min"`` or ``"60"`` in s; None stays None; an `InputError` if it is no time."""
+    if text is None:
+        return None
+    number, unit = re.fullmatch(r"\s*([-+.\d]*(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text, re.DOTALL).groups()  # type: ignore[union-attr]
+    return parse_quantity(option, f"{number} {unit or 's'}", "s")[0]
 
 
 def by_name(option: str, entries: Iterable[str]) -> dict[str, float]:

@@ -18,11 +18,13 @@ from mofit.cli.app import (
     Search,
     Seed,
     Tests,
+    TimeLimit,
     app,
     by_name,
     cores,
     print_json,
     range_by_name,
+    seconds,
 )
 from mofit.errors import InputError
 from mofit.identification.search_registry import DEFAULT_SEARCH
@@ -46,6 +48,8 @@ def identify(
     seed: Seed = 0,
     out: Path | None = None,
     resume: bool = False,
+    no_sample: bool = False,
+    time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> int:
@@ -67,6 +71,8 @@ def identify(
         Folder of the run. By default the next free one under runs/.
     resume
         Resume an interrupted run.
+    no_sample
+        Skip the sampling: estimates with the standard deviations of the Laplace approximation; exit code 3.
     """
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
@@ -82,6 +88,8 @@ def identify(
         joint=joint,
         seed=seed,
         jobs=cores(jobs),
+        sample=not no_sample,
+        time_limit=seconds("--time-limit", time_limit),
     )
     with progress_bar() as progress:
         folder, summary = identify_file(Job(file, model, effect, freq, test, settings, out, resume), progress)
@@ -89,7 +97,7 @@ def identify(
         print_json(summary)
     else:
         show_identification(summary, folder)
-    return DONE if summary["converged"] else NOT_CONVERGED
+    return DONE if summary["trusted"] else NOT_CONVERGED
 
 
 @app.command

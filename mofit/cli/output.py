@@ -75,20 +75,26 @@ def _table(*heads: str, words: Sequence[str] = (), title: str | None = None) -> 
 def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     """The modes of a finished run, one table each."""
     console = terminal_console()
+    for finding in summary["findings"]:
+        console.print(finding["text"], style="bold red" if finding["level"] == "untrusted" else "bold yellow")
     for mode in summary["modes"]:
         worst = max(mode["nrmsd"].values())
         title = f"{mode['id']}: probability {mode['probability']:.3g}, NRMSD up to {100 * worst:.3g} %"
         heads = ("parameter", "MAP", "mean", "sd", "5 %", "95 %", "unit", "verdict")
         table = _table(*heads, words=("unit", "verdict"), title=title)
         for name, entry in mode["parameters"].items():
-            numbers = [f"{entry[key]:.4g}" for key in ("value", "mean", "sd", "q05", "q95")]
+            keys = ("value", "mean", "sd", "q05", "q95")
+            numbers = ["–" if entry[key] is None else f"{entry[key]:.4g}" for key in keys]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
     if summary["search"]:
         console.print(_search_line(summary["search"]))
-    for warning in summary["warnings"]:
+    for warning in summary["warnings"][len(summary["findings"]) :]:
         console.print(f"warning: {warning}")
-    if not summary["converged"]:
+    spreads = {entry["spread"] for mode in summary["modes"] for entry in mode["parameters"].values()}
+    if spreads == {"Laplace"}:
+        console.print("NOT SAMPLED: standard deviations are those of the Laplace approximation.", style="bold red")
+    elif not summary["converged"]:
         console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
 

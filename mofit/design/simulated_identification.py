@@ -87,7 +87,7 @@ def simulated_estimates(
     best = max(modes, key=lambda mode: mode.probability)
     space = best.sampled.space
     points = best.chains.thinned().points.reshape(-1, len(space))
-    values, words = space.from_unit(points), verdict(points)
+    values, words = space.from_unit(points), verdict(points, space.log_width)
     return {
         name: SimulatedEstimate(
             mean=float(values[:, space.index(name)].mean()),

@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+import json
+import math
+import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import xarray as xr
 
 from mofit.data import Campaign
+from mofit.identification.estimates import estimates
+from mofit.identification.findings import Finding, at_limits, misfit, ridges
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.reference_fits import fit_references
-from mofit.identification.result import IdentificationResult
+from mofit.identification.result import IdentificationResult, Located, PosteriorMode
 from mofit.identification.result_tree import assemble
 from mofit.identification.settings import Settings
-from mofit.identification.stages import locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
 from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
+from mofit.runtime.files import write_text
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import plan_folder
+
+#: Point estimates of an identification that is not finished, in its folder.
+ESTIMATES_FILE = "estimates.json"
+#: Seconds of a time limit that are kept for result and report.
+RESERVE = 8.0
 
 
 def identify(
@@ -65,7 +77,7 @@ def identify(
     """
     settings = settings or Settings()
     progress = log = RunLog(progress)
-    timer = StageTimer()
+    timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
     tests = choose_tests(model, campaign, tests)
     configuration = {
         "model": model.name,
@@ -81,13 +93,17 @@ def identify(
         references = partial(fit_references, located, model, campaign, settings)
         with folder.at_work(configuration) as unfinished, beside(references, settings.jobs > 1) as fitted:
             log.write_to(unfinished / "run.log")
+            with timer.measure("refine"):
+                minima = adjusted_modes(located.posterior, located.minima, settings)
+                write_text(unfinished / ESTIMATES_FILE, json.dumps(estimates(located.problem, minima), indent=1))
             with timer.measure("sample"):
-                modes = sample_modes(located.posterior, located.minima, settings, unfinished / "chains.h5", progress)
+                modes = sample_modes(minima, settings, unfinished / "chains.h5", progress, until)
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
-            unconverged = (reason for mode in modes for reason in mode.chains.reasons)
+            unconverged = (f"{mode.name}: {reason}" for mode in modes for reason in mode.chains.reasons)
             result = IdentificationResult(
                 **{**vars(located), "warnings": (*located.warnings, *unconverged)},
+                findings=_findings(located, modes, settings),
                 campaign=campaign,
                 configuration=configuration,
                 modes=modes,
@@ -98,10 +114,27 @@ def identify(
             tree = assemble(result)
             with drawn(tree, unfinished):
                 write_result(tree, unfinished)
-            for warning in result.warnings:
+            for warning in (*(finding.text for finding in result.findings), *result.warnings):
                 log.note(f"warning: {warning}")
+            (unfinished / ESTIMATES_FILE).unlink()
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
+
+
+def _end_of_sampling(limit: float | None) -> float:
+    """Time of `time.monotonic` at which sampling ends, so that the result is there within the limit."""
+    return math.inf if limit is None else time.monotonic() + max(limit - RESERVE, limit / 2)
+
+
+def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settings) -> tuple[Finding, ...]:
+    best, problem = modes[0], located.problem
+    whole, space = best.minimum.hessian, problem.space
+    likelihood = whole - problem.prior_density.precision
+    return (
+        *misfit(problem, problem.objectives(best.minimum.point[None])[0]),
+        *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
+        *ridges(space, best.minimum.point, likelihood),
+    )
 
 
 def _slug(title: str) -> str:

@@ -13,6 +13,7 @@ from mofit.identification.settings import Settings, free_space
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+from mofit.simulation.ranges import data_scales, scaled
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ def set_up_problem(
     settings: Settings,
     tests: Sequence[str] = (),
     *,
+    space: ParameterSpace | None = None,
     done: Sequence[Calibration] = (),
 ) -> ProblemSetup:
     """Choose tests and free parameters, and fit the calibration stages.
@@ -71,6 +73,8 @@ def set_up_problem(
         What is identified, from what, and how; the stages take their tests from the whole campaign.
     tests
         Names of the tests of the main identification; by default all whose excitation the model is made for.
+    space
+        Free parameters; by default the model's, in ranges for the data (`mofit.simulation.ranges`) or those asked for.
     done
         Stages fitted to this campaign before; those that are the same are not fitted again.
 
@@ -79,8 +83,9 @@ def set_up_problem(
     InputError
         If campaign, model and settings don't fit together.
     """
-    space = free_space(model, settings)
     selected = campaign.select(choose_tests(model, campaign, tests))
+    model = scaled(model, data_scales(model, selected))
+    space = free_space(model, settings) if space is None else space
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
     return ProblemSetup(model, settings, selected, space, tuple(calibrations), tuple(warnings))
 

@@ -11,6 +11,7 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
+from mofit.identification.findings import Finding
 from mofit.optimize import Minimum, Profile, SearchResult
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem
 from mofit.sampling import Chains, Evidence
@@ -31,7 +32,13 @@ class PosteriorMode:
     probability: float
     """Posterior probability of the mode."""
     chains: Chains
+    """Without a step where the mode was not sampled."""
     profile: Profile
+
+    @property
+    def is_sampled(self) -> bool:
+        """Whether there are draws."""
+        return self.chains.steps > 0
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,7 @@ class Located:
     minima: tuple[Minimum, ...]
     """All refined minima of the posterior, best first."""
     warnings: tuple[str, ...]
+    """Sentences on stages without tests and on ranges that were widened."""
 
     @property
     def problem(self) -> Problem:
@@ -74,6 +82,8 @@ class IdentificationResult(Located):
     """The plausible minima, sampled; most probable first."""
     references: Mapping[str, xr.Dataset]
     """Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`."""
+    findings: tuple[Finding, ...]
+    """What a reader must know before the numbers."""
     seconds: Mapping[str, float]
     """Per stage."""
 

@@ -35,6 +35,10 @@ class Settings:
         Most modes that are sampled.
     jobs
         Threads; all cores by default.
+    sample
+        Whether modes are sampled; else their standard deviations are those of the Laplace approximation.
+    time_limit
+        Seconds after which an identification ends with what there is; None: no limit.
     """
 
     search: str = DEFAULT_SEARCH
@@ -47,10 +51,16 @@ class Settings:
     most_modes: int = 6
     sampling: SampleSettings = field(default_factory=SampleSettings)
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
+    sample: bool = True
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise InputError.of("--time-limit", f"{self.time_limit:g} s is no time", "Give more than 0 s, as in 60s")
 
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
-        return {key: value for key, value in asdict(self).items() if key != "jobs"}
+        return {key: value for key, value in asdict(self).items() if key not in ("jobs", "time_limit")}
 
 
 def free_space(model: Model, settings: Settings) -> ParameterSpace:

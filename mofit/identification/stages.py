@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,12 +19,16 @@ from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search
 from mofit.identification.settings import Settings
+from mofit.identification.valleys import without_joined
+from mofit.identification.widening import widenings, wider_setup
 from mofit.models import Model
 from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
 from mofit.optimize import Progress as SearchProgress
-from mofit.problem import CampaignPosterior, Problem, adjusted_posterior
+from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior
 from mofit.runtime.progress import Progress, StageTimer, silent
 from mofit.sampling import (
+    Chains,
+    Evidence,
     bridge_log_evidence,
     laplace_covariance,
     laplace_log_evidence,
@@ -37,6 +43,8 @@ P = TypeVar("P", bound=CampaignPosterior)
 #: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
 #: freeing these can raise a probability, but not a thousandfold.
 LEAST_PROBABILITY = 1e-6
+#: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
+FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
 NEIGHBOURHOOD = 0.01
 
@@ -55,10 +63,24 @@ def locate_minima(
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
+    located = _located(setup, timer, progress)
+    with timer.measure("refine"):
+        wider = wider_setup(setup, located.posterior, located.minima[0], campaign, tests)
+    if wider is None:
+        return located
+    notes = tuple(map(str, widenings(setup.space, wider.space)))
+    for note in notes:
+        progress("search", 0, 0, note)
+    located = _located(wider, timer, progress)
+    return replace(located, warnings=(*located.warnings, *notes))
+
+
+def _located(setup: ProblemSetup, timer: StageTimer, progress: Progress) -> Located:
+    """Search and refine in the ranges of a problem."""
     with timer.measure("prepare"):
         searched, posterior = setup.searched, setup.posterior
     with timer.measure("search"):
-        found, weights = search(searched, settings, partial(progress, "search"))
+        found, weights = search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, *starts_of(found))
@@ -71,7 +93,7 @@ def find_modes(
 ) -> tuple[PosteriorMode, ...]:
     """All stages, nothing written: the modes that `identify` reports, for studies."""
     located = locate_minima(campaign, model, settings, tests)
-    return sample_modes(located.posterior, located.minima, settings)
+    return sample_modes(adjusted_modes(located.posterior, located.minima, settings), settings)
 
 
 def search(
@@ -144,39 +166,50 @@ def _with_calibrated_free(
     return refined(local, starts, [minimum.found_by for minimum in plausible])
 
 
+def adjusted_modes(
+    posterior: CampaignPosterior, minima: Sequence[Minimum], settings: Settings
+) -> tuple[tuple[Minimum, AdjustedPosterior], ...]:
+    """The plausible minima, each with its posterior adjusted to noise and gap and moved to that; most probable first.
+
+    Where noise and gap weaken the likelihood, the priors of the stages move a minimum.
+    """
+    located = []
+    plausible = without_joined(posterior, _plausible(minima, settings.least_probability))
+    for minimum in plausible[: settings.most_modes]:
+        local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
+        adjusted = adjusted_posterior(local, minimum.point)
+        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
+        located.append((replace(moved, found_by=minimum.found_by), adjusted))
+    return tuple(sorted(located, key=lambda pair: -_log_evidence(pair[0])))
+
+
 def sample_modes(
-    posterior: CampaignPosterior,
-    minima: Sequence[Minimum],
+    located: Sequence[tuple[Minimum, AdjustedPosterior]],
     settings: Settings,
     path: Path | None = None,
     progress: Progress = silent,
+    until: float = math.inf,
 ) -> tuple[PosteriorMode, ...]:
-    """Sample the posterior, adjusted to noise and gap, around every plausible minimum.
+    """Sample around every plausible minimum.
 
     Parameters
     ----------
-    posterior, minima
-        As `locate_minima` found them.
+    located
+        From `adjusted_modes`.
     settings
         Settings of the identification.
     path
-        File of the chains; nothing is written without one.
+        File for the chains, from which an interrupted run is resumed; nothing is written without one.
     progress
         Called now and then.
+    until
+        Time of `time.monotonic` at which sampling ends with what there is.
 
     Returns
     -------
     tuple of PosteriorMode
         Best first, with their posterior probabilities.
     """
-    located = []
-    for minimum in _plausible(minima, settings.least_probability)[: settings.most_modes]:
-        local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
-        adjusted = adjusted_posterior(local, minimum.point)
-        # where noise and gap weaken the likelihood, the priors of the stages move the minimum
-        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
-        located.append((replace(moved, found_by=minimum.found_by), adjusted))
-    located.sort(key=lambda pair: -_log_evidence(pair[0]))
     values, centres = [minimum.value for minimum, _ in located], np.stack([minimum.point for minimum, _ in located])
     covariances = np.stack([laplace_covariance(minimum.hessian) for minimum, _ in located])
     sampled = []
@@ -186,21 +219,32 @@ def sample_modes(
         noise_hessian, adjusted = adjusted.noise_hessian, adjusted.local(minimum.point, sd)
         belongs = mode_region(index, values, centres, covariances)
         own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
-        chains = sample_mode(
-            own,
-            minimum.point,
-            covariance,
-            (settings.seed, index + 1),
-            settings.sampling,
-            backend_path=path,
-            mode=name,
-            progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
-        )
-        evidence = bridge_log_evidence(own, chains.thinned(), settings.seed)
         profiles = profile(adjusted, minimum.point, sd)
+        chains, evidence = _unsampled(minimum)
+        left = until - time.monotonic()
+        if settings.sample and left > 0:
+            drawn = sample_mode(
+                own,
+                minimum.point,
+                covariance,
+                (settings.seed, index + 1),
+                settings.sampling,
+                backend_path=path,
+                mode=name,
+                progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
+                until=time.monotonic() + left / (len(located) - index),
+            )
+            if drawn.thinned().points.shape[1] >= FEWEST_DRAWS:
+                chains, evidence = drawn, bridge_log_evidence(own, drawn.thinned(), settings.seed)
         sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles))
     probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
+
+
+def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:
+    """What stands in the place of chains: none, and the evidence by the Laplace approximation."""
+    reason = "not sampled: standard deviations are those of the Laplace approximation"
+    return Chains.none(len(minimum.point), reason), Evidence(_log_evidence(minimum), np.nan)
 
 
 def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Minimum]:

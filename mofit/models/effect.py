@@ -137,7 +137,7 @@ class ExtendedModel(Model):
         self.conditions = _each_once(base.conditions, *(effect.conditions for effect in own))
         self.outputs = base.outputs
         self.excitations, self.baseline, self.stages = base.excitations, base.baseline, base.stages
-        self.branches = base.branches
+        self.branches, self.typical = base.branches, base.typical
 
     def equations(self, s: Symbols) -> Equations:
         """The base model's equations; the effects act through the symbols."""

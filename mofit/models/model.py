@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TypeAlias
 
 import casadi as ca
@@ -196,6 +197,9 @@ class Model(ABC):
     branches: tuple[MaxwellBranch, ...] = ()
     #: whether a campaign with its channels takes this model where none is named
     default: bool = False
+    #: peak-to-peak range of channels, and the sampling interval (``sample_interval``), for which the parameters'
+    #: ranges are written; they are scaled to those of a campaign as `Parameter.scales` says
+    typical: Mapping[str, float] = MappingProxyType({})
 
     @abstractmethod
     def equations(self, s: Symbols) -> Equations:

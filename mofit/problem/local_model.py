@@ -81,6 +81,8 @@ def coarse_steps(
 
 def _constant(experiment: ExperimentData, defects: FloatArray, tolerance: float) -> bool:
     """Whether defects (K, n, ny) of a test are those of the first set, within the tolerance times the range."""
+    if not np.isfinite(defects).all():
+        return False
     used = experiment.weights > 0
     change = np.where(used, np.abs(defects - defects[0]), 0.0).max(axis=(0, 1))
     measured = np.where(used, experiment.measured, np.nan)

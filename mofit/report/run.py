@@ -14,7 +14,7 @@ from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.report.toolkit.figures import mode_colour
 from mofit.report.toolkit.formatting import percent
-from mofit.results import parameter_layout
+from mofit.results import findings, parameter_layout
 
 SHOWN = 4
 """Modes that get figures of their own; tables list all."""
@@ -195,6 +195,11 @@ class Run:
     def converged(self) -> bool:
         """Whether the run as a whole converged."""
         return bool(self.tree.attrs["converged"])
+
+    @property
+    def findings(self) -> list[dict[str, str]]:
+        """What to know before the numbers."""
+        return findings(self.tree)
 
     @property
     def parameters(self) -> tuple[str, ...]:

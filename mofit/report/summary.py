@@ -24,6 +24,9 @@ class Headline:
     """The figures of the headline; NRMSD are means over the tests that the best mode predicts."""
 
     converged: bool
+    sampled: bool
+    findings: list[dict[str, str]]
+    """What to know before the numbers: kind, level and text."""
     plausible: int
     nrmsd: float
     noise_floor: float
@@ -47,6 +50,8 @@ def extract_headline(run: Run) -> Headline:
     r_hat, ess = (_finite(*(mode.array(name) for mode in run.plausible)) for name in ("r_hat", "ess"))
     return Headline(
         converged=run.converged,
+        sampled=run.best.sampled,
+        findings=run.findings,
         plausible=len(run.plausible),
         nrmsd=_mean(nrmsd[used]),
         noise_floor=_mean(floor[used]),
@@ -75,22 +80,34 @@ def summary_section(run: Run) -> Section:
     """Banner, sentences and a row of key figures."""
     found = extract_headline(run)
     texts = (_best(run), _fit(run, found), _modes(run, found), _identified(run, found))
-    blocks: list[Block] = [convergence_banner(found), _cards(run, found), *(Text(text) for text in texts)]
+    blocks: list[Block] = [*trust_banners(found), _cards(run, found), *(Text(text) for text in texts)]
     warnings = run.json("warnings")
     if warnings:
         blocks.append(bullets(warnings, Markup("<b>Warnings of the run</b>")))
     return Section("summary", "Summary", blocks, {"headline": found, "warnings": warnings})
 
 
-def convergence_banner(found: Headline) -> Raw:
-    """Whether the run converged, in one coloured box."""
+def trust_banners(found: Headline) -> list[Raw]:
+    """What must be known before the numbers, each in a coloured box; green only where nothing speaks against them."""
+    grades = {"untrusted": "bad", "caution": "fair"}
+    return [
+        *(banner(entry["text"], grades.get(entry["level"], "fair")) for entry in found.findings),
+        _convergence(found),
+    ]
+
+
+def _convergence(found: Headline) -> Raw:
+    """Whether the sampling converged."""
+    if not found.sampled:
+        return banner("Nothing was sampled: standard deviations are those of the Laplace approximation.", "fair")
     ess = count(found.smallest_ess) if np.isfinite(found.smallest_ess) else "–"
     figures = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {ess}"
     if found.converged:
-        return banner(f"The run converged: independent ensembles agree ({figures}).", "good")
+        text = f"The sampling converged: independent ensembles agree ({figures})."
+        return banner(text, "fair" if found.findings or found.not_identified else "good")
     return banner(
-        f"This run did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow or in "
-        "the wrong place. Continue the run with --resume, or give it more evaluations.",
+        f"The sampling did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow "
+        "or in the wrong place.",
         "bad",
     )
 

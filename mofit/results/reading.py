@@ -45,6 +45,8 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "schema": "mofit.identify/2",
         "run": str(run),
         "converged": bool(tree.attrs["converged"]),
+        "trusted": trusted(tree),
+        "findings": findings(tree),
         "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),
         "search": _search(tree),
@@ -52,8 +54,18 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "baseline": _baseline(tree),
         "modes": [_mode(name, node, units) for name, node in tree["modes"].children.items()],
         "per_frequency": _per_frequency(tree),
-        "warnings": json.loads(tree.attrs["warnings"]),
+        "warnings": [*(entry["text"] for entry in findings(tree)), *json.loads(tree.attrs["warnings"])],
     }
+
+
+def findings(tree: xr.DataTree) -> list[dict[str, str]]:
+    """What a reader must know before the numbers: ``kind``, ``level`` and ``text`` each."""
+    return list(json.loads(tree.attrs.get("findings", "[]")))
+
+
+def trusted(tree: xr.DataTree) -> bool:
+    """Whether the numbers may be used: everything was sampled to the end, and no limit decided them."""
+    return bool(tree.attrs["converged"]) and all(entry["level"] != "untrusted" for entry in findings(tree))
 
 
 def _number(value: Any) -> float | None:
@@ -97,9 +109,11 @@ def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
     for parameter in found["parameter"].values:
         at = found.sel(parameter=parameter)
         entries[str(parameter)] = {
-            **{key: _number(at[key]) for key in ("value", "mean", "sd", "q05", "q50", "q95")},
+            **{key: _number(at[key]) if key in at else None for key in ("value", "mean", "sd", "q05", "q50", "q95")},
+            **({} if "sd" in at else {"sd": _number(at["laplace_sd"])}),
+            "spread": "sampled" if "sd" in at else "Laplace",
             "unit": str(units.sel(parameter=parameter).item()),
-            "verdict": str(at["verdict"].item()),
+            "verdict": str(at["verdict"].item()) if "verdict" in at else "not sampled",
         }
     return {
         "id": name,

@@ -80,10 +80,29 @@ class Chains:
     evaluations: int
     """Log posteriors computed in all."""
 
+    @classmethod
+    def none(cls, dimension: int, reason: str) -> Chains:
+        """Of a mode that was not sampled."""
+        empty, nothing = np.empty((1, 0, 1, dimension)), np.zeros((1, 1), dtype=bool)
+        unknown = np.full(dimension, np.nan)
+        return cls(
+            empty, empty[..., 0], np.zeros(1), unknown, np.zeros(dimension), unknown, 0, nothing, nothing, False,
+            (reason,), 0, 0,
+        )  # fmt: skip
+
     @property
     def steps(self) -> int:
         """Production steps per ensemble."""
         return self.chain.shape[1]
+
+    def hopeless(self, earlier: FloatArray, settings: SampleSettings) -> bool:
+        """Whether the most steps would be too few by both autocorrelation times (d,), this one and the earlier one.
+
+        A chain that does not mix lets its autocorrelation time grow with its length.
+        """
+        least = min(float(self.tau.max()), float(np.max(earlier)))
+        known = self.steps >= settings.fewest_steps and np.isfinite(least)
+        return bool(known) and settings.tau_multiple * least > settings.max_steps
 
     @property
     def effective_draws(self) -> float:
@@ -96,12 +115,12 @@ class Chains:
         return _draws(self.chain, self.log_prob, self.stuck | self.left, self.tau, self.discard)
 
 
-def assess(run: Run, settings: SampleSettings) -> Chains:
+def assess(run: Run, settings: SampleSettings, last: bool = False) -> Chains:
     """Convergence of a run as it stands: whether every requirement holds, see `SampleSettings`.
 
-    R-hat and ESS are computed once all others hold, and after the last step.
+    R-hat and ESS are computed once all others hold, and after the ``last`` step.
     """
-    last = run.steps >= settings.max_steps
+    last = run.steps >= settings.max_steps or last
     chain = np.stack([ensemble.chain for ensemble in run.ensembles])
     log_prob = np.stack([ensemble.chain_log_prob for ensemble in run.ensembles])
     steps = chain.shape[1]
@@ -131,6 +150,9 @@ def assess(run: Run, settings: SampleSettings) -> Chains:
             (highest <= settings.max_r_hat, f"R-hat is {highest:.4f}, above {settings.max_r_hat:g}"),
             (least >= settings.min_ess, f"ESS is {least:.0f}, below {settings.min_ess:g}"),
         ]
+    tau_limit = settings.max_steps / settings.tau_multiple
+    if steps >= settings.fewest_steps and tau_limit < min(longest, float(np.max(run.tau))) < np.inf:
+        requirements.insert(0, (False, f"the chains do not mix: tau is {longest:.0f} steps, {tau_limit:.0f} would do"))
     reasons = tuple(reason for fine, reason in requirements if not fine)
     return Chains(
         chain=chain,

@@ -11,12 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from mofit._typing import FloatArray
 from mofit.sampling.chains import Draws
 
-#: A posterior with more than this share of its mass within `EDGE` of a bound is truncated there.
-TRUNCATED = 0.05
-EDGE = 0.01
+#: A posterior whose median is nearer to a bound than so many of its standard deviations on that side (median to 16 %
+#: or 84 % quantile) reaches the bound: zero, say, is then as good as the estimate.
+REACHES = 2.0
 #: Contractions (1 - posterior sd / prior sd) below which a parameter is not identifiable, and weakly identified.
 UNMOVED = 0.1
 WEAK = 0.5
+#: Standard deviation of a logarithm above which a parameter is weakly identified, however wide its range was: 90 % of
+#: the posterior spans a factor of five.
+WIDE = 0.5
 
 
 @dataclass(frozen=True)
@@ -67,15 +70,26 @@ def contraction(samples: FloatArray) -> FloatArray:
     return 1.0 - samples.std(axis=0) * np.sqrt(12.0)
 
 
-def verdict(samples: FloatArray) -> list[str]:
+def verdict(samples: FloatArray, log_width: ArrayLike = 0.0) -> list[str]:
     """One verdict per parameter from posterior samples (n, d) in the unit cube.
 
-    ``identified``; ``weakly identified``; ``lower limit only`` (truncated at the upper bound); ``upper limit only`` (at
-    the lower one); ``not identifiable`` (as wide as the prior).
+    ``identified``; ``weakly identified``; ``lower limit only`` (it reaches the upper bound); ``upper limit only`` (the
+    lower one); ``not identifiable`` (as wide as the prior). A bound is near or far in units of the posterior's own
+    spread: how wide the prior is does not matter to it.
+
+    Parameters
+    ----------
+    samples
+        Shape (n, d).
+    log_width
+        Width of the range in natural logarithm, of parameters on a log scale; 0 for the others; shape (d,).
     """
     words = []
-    for column, learnt in zip(samples.T, contraction(samples), strict=True):
-        low, high = np.mean(column < EDGE) > TRUNCATED, np.mean(column > 1 - EDGE) > TRUNCATED
+    widths = np.broadcast_to(np.asarray(log_width, dtype=float), samples.shape[1:])
+    for column, learnt, width in zip(samples.T, contraction(samples), widths, strict=True):
+        below, median, above = np.quantile(column, [0.1587, 0.5, 0.8413])
+        low = median < REACHES * (median - below)
+        high = 1 - median < REACHES * (above - median)
         if learnt < UNMOVED or (low and high):
             words.append("not identifiable")
         elif high:
@@ -83,5 +97,6 @@ def verdict(samples: FloatArray) -> list[str]:
         elif low:
             words.append("upper limit only")
         else:
-            words.append("identified" if learnt >= WEAK else "weakly identified")
+            sure = learnt >= WEAK and column.std() * width <= WIDE
+            words.append("identified" if sure else "weakly identified")
     return words

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -29,13 +31,15 @@ def sample_mode(
     backend_path: str | Path | None = None,
     mode: str = "m1",
     progress: Progress | None = None,
+    until: float = math.inf,
 ) -> Chains:
     """Sample a posterior from one of its minima.
 
     Several independent ensembles of emcee start from the Gaussian of the Laplace approximation. During burn-in, a
     mixture of Student-t distributions is fitted to all walkers after each round, then frozen. Production goes on in
     chunks until all requirements of the settings hold (length in autocorrelation times, their steadiness, R-hat between
-    the ensembles, effective sample size, share of stuck walkers), or to `max_steps`.
+    the ensembles, effective sample size, share of stuck walkers), to `max_steps`, or until the autocorrelation time
+    tells that these would not do.
 
     Parameters
     ----------
@@ -54,6 +58,8 @@ def sample_mode(
         Name of the mode, its group in the file.
     progress
         Called as ``progress(steps, max_steps, note)``.
+    until
+        Time of `time.monotonic` at which sampling ends with what there is; perhaps no step at all.
 
     Raises
     ------
@@ -74,12 +80,13 @@ def sample_mode(
     run = checkpoints.load()
     if run is None:
         run = begin(target, start, np.asarray(covariance, dtype=float), np.random.SeedSequence(seed), settings)
-    while not run.settled:
+    while not run.settled and time.monotonic() < until:
         run = checkpoints.save(burn_in(target, run, settings))
         if progress is not None:
             progress(0, settings.max_steps, f"{mode}: burn-in round {run.rounds}, mean log posterior {run.level:.2f}")
     if not run.producing:
         run = produce(run, settings)
+    most = settings.chunk if until < math.inf else settings.max_steps  # the first steps tell how long one takes
     while True:
         chains = assess(run, settings)
         if progress is not None:
@@ -87,8 +94,13 @@ def sample_mode(
         if chains.converged or run.steps >= settings.max_steps:
             checkpoints.save(run, last=True)
             return chains
-        steps = _next_chunk(chains, settings)
+        if chains.hopeless(run.tau, settings) or time.monotonic() >= until:
+            checkpoints.save(run, last=True)
+            return assess(run, settings, last=True)
+        steps, began = min(_next_chunk(chains, settings), most), time.monotonic()
         run = checkpoints.save(extend(target, run, settings, steps, chains.tau))
+        pace = (time.monotonic() - began) / steps
+        most = max(1, int(min((until - time.monotonic()) / pace, settings.max_steps)))
 
 
 def _next_chunk(chains: Chains, settings: SampleSettings) -> int:

@@ -22,6 +22,8 @@ class SampleSettings:
     """Fewest steps between two checks of convergence (and two checkpoints); grows to a twentieth of the chain."""
     max_steps: int = 12000
     """Production steps per ensemble after which sampling ends unconverged."""
+    fewest_steps: int = 400
+    """Steps before a chain is given up whose autocorrelation time shows that the most steps would not do."""
     round_steps: int = 12
     """Fewest steps of one round of burn-in, after which the independent proposal is adapted."""
     min_rounds: int = 5

@@ -25,7 +25,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement, bundled_campaign, read_campaign
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.identification.settings import Settings
-from mofit.identification.stages import locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
 from mofit.models import Channel, Equations, Model, find_model
 from mofit.optimize import STAGES
 from mofit.parameters import Parameter, ParameterSpace
@@ -177,7 +177,7 @@ def _constructed(case: str, settings: Settings) -> dict:
     model = CASES[case]()
     space = ParameterSpace(model.parameters)
     located = locate_minima(campaign(case, settings.seed), model, settings)
-    modes = sample_modes(located.posterior, located.minima, settings)
+    modes = sample_modes(adjusted_modes(located.posterior, located.minima, settings), settings)
     solutions = []
     for mode in modes:
         draws = space.from_unit(mode.chains.thinned().points.reshape(-1, len(space)))

@@ -100,7 +100,7 @@ def test_headline_of_a_good_run(tyre) -> None:
 
 def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
     page = report(tmp_path, result_trees.make_result(synthetic_rigs.damper(), converged=False, steps=40))
-    assert page.index("This run did not converge") < page.index('<div class="cards">')
+    assert page.index("The sampling did not converge") < page.index('<div class="cards">')
     assert "not converged</span>" in page
     assert "&lt;beware&gt;" in page
     assert "<beware>" not in page

@@ -102,7 +102,7 @@ def test_what_the_data_leave_open_is_said_in_words(tmp_path) -> None:
 
 def test_a_run_that_did_not_converge_says_so_first(tmp_path) -> None:
     page = build(tmp_path, result_trees.make_result(synthetic_rigs.damper(), converged=False, steps=20))
-    assert page.index("This run did not converge") < page.index("<table>")
+    assert page.index("The sampling did not converge") < page.index("<table>")
 
 
 def test_names_of_parameters_are_text(tmp_path) -> None:

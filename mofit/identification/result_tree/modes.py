@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 
 from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult, PosteriorMode
@@ -35,11 +36,13 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     problem, space, groups = outcome.problem, outcome.problem.space, {}
     for mode in outcome.modes:
         path = f"/modes/{mode.name}"
-        draws = mode.chains.thinned()
-        groups[path] = _summary(path, problem, mode, draws.points)
+        groups[path] = _summary(path, problem, mode)
         groups[f"{path}/prediction"] = predictions(problem, mode.minimum.point)
-        groups[f"{path}/posterior"] = draws_dataset(space, space.from_unit(draws.points))
         groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
+        if not mode.is_sampled:
+            continue
+        draws = mode.chains.thinned()
+        groups[f"{path}/posterior"] = draws_dataset(space, space.from_unit(draws.points))
         groups[f"{path}/sample_stats"] = group_dataset(
             f"{path}/sample_stats",
             {"lp": draws.log_prob, "walker": draws.walker, "step": draws.step},
@@ -83,13 +86,10 @@ def _simulated(problem: Problem, values: list[FloatArray]) -> xr.Dataset:
     )
 
 
-def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray) -> xr.Dataset:
-    space, minimum, chains = problem.space, mode.minimum, mode.chains
-    samples = draws.reshape(-1, len(space))
-    values = space.from_unit(samples)
+def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:
+    space, minimum = problem.space, mode.minimum
     covariance = laplace_covariance(minimum.hessian)
     scale = np.sqrt(np.diag(covariance))
-    q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
     nrmsd, derivative = (found[0] for found in problem.gradients(minimum.point[None]))
     return group_dataset(
         path,
@@ -98,17 +98,7 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
             "at_bound": minimum.at_bound,
             "laplace_sd": laplace_sd(space, minimum.point, minimum.hessian),
             "noise_sd": laplace_sd(space, minimum.point, mode.noise_hessian),
-            "mean": values.mean(axis=0),
-            "sd": values.std(axis=0),
-            "q05": q05,
-            "q50": q50,
-            "q95": q95,
-            "ess": chains.ess,
-            # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
-            "r_hat": r_hat(space.from_unit(draws)),
-            "tau": chains.tau,
-            "contraction": contraction(samples),
-            "verdict": verdict(samples),
+            **(_of_draws(space, mode) if mode.is_sampled else {}),
             "laplace_correlation": covariance / np.outer(scale, scale),
             "nrmsd": nrmsd,
             "leverage": derivative * scale / np.maximum(nrmsd, np.finfo(float).tiny)[:, None],
@@ -125,11 +115,32 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode, draws: FloatArray
             "log_posterior": -minimum.value,
             "gap_fundamental": float(np.sqrt(mode.sampled.score.gap_squares[0])),
             "gap_harmonics": float(np.sqrt(mode.sampled.score.gap_squares[1])),
-            "converged": int(chains.converged),
-            "evaluations": int(chains.evaluations),
+            "converged": int(mode.chains.converged),
+            "evaluations": int(mode.chains.evaluations),
             "found_by": minimum.found_by,
         },
     )
+
+
+def _of_draws(space: ParameterSpace, mode: PosteriorMode) -> dict[str, ArrayLike]:
+    """What the draws tell of every parameter."""
+    draws, chains = mode.chains.thinned().points, mode.chains
+    samples = draws.reshape(-1, len(space))
+    values = space.from_unit(samples)
+    q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
+    return {
+        "mean": values.mean(axis=0),
+        "sd": values.std(axis=0),
+        "q05": q05,
+        "q50": q50,
+        "q95": q95,
+        "ess": chains.ess,
+        # in the parameters' own units, as ArviZ sees them: folding does not commute with the logarithm
+        "r_hat": r_hat(space.from_unit(draws)),
+        "tau": chains.tau,
+        "contraction": contraction(samples),
+        "verdict": verdict(samples, space.log_width),
+    }
 
 
 def profile_group(path: str, space: ParameterSpace, found: Profile) -> xr.Dataset:
@@ -165,7 +176,7 @@ def _log_likelihood(problem: Problem, mode: PosteriorMode, draws: FloatArray) ->
 
 def mixture_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     """The posterior of all modes together: summary, draws and the mode of each draw; nothing for a single mode."""
-    if len(outcome.modes) < 2:
+    if len(outcome.modes) < 2 or not all(mode.is_sampled for mode in outcome.modes):
         return {}
     space = outcome.problem.space
     draws = [mode.chains.thinned() for mode in outcome.modes]

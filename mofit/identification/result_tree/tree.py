@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import version
 
@@ -95,6 +96,8 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "seconds": json.dumps({name: round(value, 3) for name, value in outcome.seconds.items()}),
         "evaluations": json.dumps(evaluations),
         "warnings": json.dumps(list(outcome.warnings)),
+        "findings": json.dumps([asdict(finding) for finding in outcome.findings]),
+        "sampled": int(all(mode.is_sampled for mode in outcome.modes)),
     }
     units = {"amplitude": problem.model.inputs[0].unit, "noise_sd": output.unit, "range": output.unit}
     return group_dataset("/", test, {"test": axis("test", list(problem.tests))}, attributes, units=units)

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import casadi as ca
 import numpy as np
 
 from mofit.models.model import Channel, Condition, Equations, MaxwellBranch, Model, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
 
-STIFFNESS = Parameter("c", "N/m", 0.0, 1e4, 500.0, description="stiffness at small stroke")
+#: how parameters grow with force, stroke and speed
+FORCE, STROKE, SPEED = powers(force=1), powers(displacement=1), powers(velocity=1)
+PER_STROKE, PER_SPEED = powers(force=1, displacement=-1), powers(force=1, velocity=-1)
+
+STIFFNESS = Parameter("c", "N/m", 0.0, 1e6, 1e4, description="stiffness at small stroke", scales=PER_STROKE)
 # not relative to c as the tyre's p_y is: where c is 0 a relative one means nothing, and the posterior has a ridge
-PROGRESSION = Parameter("p", "N/m^2", -1e6, 1e6, 0.0, description="change of stiffness with stroke")
-OFFSET = Parameter("F_0", "N", -500.0, 500.0, 0.0, description="constant force (gas pressure, transducer offset)")
+PROGRESSION = Parameter(
+    "p", "N/m^2", -5e7, 5e7, 0.0,
+    description="change of stiffness with stroke", scales=powers(force=1, displacement=-2),
+)  # fmt: skip
+OFFSET = Parameter(
+    "F_0", "N", -2e3, 2e3, 0.0, description="constant force (gas pressure, transducer offset)", scales=FORCE
+)
 
 # Gauss-Legendre rule over the averaging window, in units of its length; three nodes do (five: 0.1 % of the force less)
 _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -26,6 +37,7 @@ class Damper(Model):
         Channel("velocity", "m/s", "rate of the stroke", derivative_of="displacement"),
     )
     outputs = (Channel("force", "N", "force on the moved end, positive with the displacement"),)
+    typical = MappingProxyType({"displacement": 0.02, "velocity": 0.2, "force": 2e3})
 
 
 def parallel_force(s: Symbols, x: ca.SX) -> ca.SX:
@@ -42,7 +54,12 @@ class KelvinVoigtDamper(Damper):
 
     name = "kelvin_voigt_damper"
     title = "Kelvin–Voigt damper"
-    parameters = (STIFFNESS, PROGRESSION, Parameter("d", "N s/m", 1.0, 1e6, 1e3, "log", "damping"), OFFSET)
+    parameters = (
+        STIFFNESS,
+        PROGRESSION,
+        Parameter("d", "N s/m", 1.0, 1e6, 1e3, "log", "damping", scales=PER_SPEED),
+        OFFSET,
+    )
 
     def equations(self, s: Symbols) -> Equations:
         """No state: the force follows displacement and velocity at once."""
@@ -64,9 +81,9 @@ class MaxwellDamper(Damper):
     parameters = (
         STIFFNESS,
         PROGRESSION,
-        Parameter("d", "N s/m", 0.0, 1e5, 1e3, description="damping in parallel"),
-        Parameter("c_M", "N/m", 1e2, 1e7, 1e5, "log", "stiffness of the Maxwell branch"),
-        Parameter("d_M", "N s/m", 1.0, 1e6, 1e3, "log", "damping of the Maxwell branch"),
+        Parameter("d", "N s/m", 0.0, 1e5, 1e3, description="damping in parallel", scales=PER_SPEED),
+        Parameter("c_M", "N/m", 1e2, 1e7, 1e5, "log", "stiffness of the Maxwell branch", scales=PER_STROKE),
+        Parameter("d_M", "N s/m", 1.0, 1e6, 1e3, "log", "damping of the Maxwell branch", scales=PER_SPEED),
         OFFSET,
     )
     states = (Channel("branch_displacement", "m", "internal displacement of the Maxwell branch"),)
@@ -118,11 +135,13 @@ class BoucWenDamper(Damper):
     title = "Bouc–Wen damper"
     parameters = (
         STIFFNESS,
-        Parameter("q", "1/m", -40.0, 40.0, 0.0, description="asymmetry of the stiffness"),
-        Parameter("F_y", "N", 1.0, 2e3, 100.0, "log", "yield force of the hysteresis"),
-        Parameter("delta", "m", 2e-5, 1e-2, 3e-4, "log", "yield length of the hysteresis"),
-        Parameter("F_r", "N", 1.0, 2e3, 100.0, "log", "friction per factor e of speed"),
-        Parameter("v_s", "m/s", 1e-4, 1e-1, 3e-3, "log", "speed above which friction is logarithmic"),
+        Parameter(
+            "q", "1/m", -100.0, 100.0, 0.0, description="asymmetry of the stiffness", scales=powers(displacement=-1)
+        ),
+        Parameter("F_y", "N", 1.0, 2e3, 100.0, "log", "yield force of the hysteresis", scales=FORCE),
+        Parameter("delta", "m", 1e-5, 1e-2, 3e-4, "log", "yield length of the hysteresis", scales=STROKE),
+        Parameter("F_r", "N", 1.0, 2e3, 100.0, "log", "friction per factor e of speed", scales=FORCE),
+        Parameter("v_s", "m/s", 1e-4, 1e-1, 3e-3, "log", "speed above which friction is logarithmic", scales=SPEED),
         OFFSET,
     )
     states = (

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import casadi as ca
 import numpy as np
 
 from mofit.models.model import Channel, Equations, Model, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
+
+#: how a frequency grows with the sampling interval
+RATE = powers(sample_interval=-1)
 
 
 class Oscillator(Model):
@@ -24,14 +29,23 @@ class Oscillator(Model):
     name = "oscillator"
     title = "linear oscillator"
     parameters: tuple[Parameter, ...] = (
-        Parameter("k", "N/m", 1e-2, 1e4, 10.0, "log", "stiffness"),
-        Parameter("f_0", "Hz", 0.1, 1e3, 10.0, "log", "natural frequency without damping"),
+        Parameter("k", "N/m", 1e-2, 1e4, 10.0, "log", "stiffness", scales=powers(force=1, displacement=-1)),
+        Parameter("f_0", "Hz", 0.1, 1e3, 10.0, "log", "natural frequency without damping", scales=RATE),
         Parameter("zeta", "1", 1e-3, 2.0, 0.05, "log", "damping ratio"),
-        Parameter("x_0", "m", -0.1, 0.1, 0.0, description="offset of the displacement transducer"),
+        Parameter(
+            "x_0",
+            "m",
+            -0.1,
+            0.1,
+            0.0,
+            description="offset of the displacement transducer",
+            scales=powers(displacement=1),
+        ),
     )
     states = (Channel("position", "m", "displacement of the mass"), Channel("velocity", "m/s", "velocity of the mass"))
     inputs = (Channel("force", "N", "driving force"),)
     outputs = (Channel("displacement", "m", "measured displacement of the mass"),)
+    typical = MappingProxyType({"force": 1.0, "displacement": 0.1, "sample_interval": 5e-4})
 
     def spring_force(self, s: Symbols, x: ca.SX) -> ca.SX:
         """Force of the spring [N] at deflection ``x`` [m]."""
@@ -59,8 +73,18 @@ class DuffingOscillator(Oscillator):
     title = "Duffing oscillator"
     parameters = (
         *Oscillator.parameters,
-        Parameter("k_2", "N/m^2", -10.0, 10.0, 0.0, description="quadratic stiffness"),
-        Parameter("k_3", "N/m^3", -20.0, 100.0, 0.0, description="cubic stiffness; positive: hardening"),
+        Parameter(
+            "k_2", "N/m^2", -1e3, 1e3, 0.0, description="quadratic stiffness", scales=powers(force=1, displacement=-2)
+        ),
+        Parameter(
+            "k_3",
+            "N/m^3",
+            -2e3,
+            1e4,
+            0.0,
+            description="cubic stiffness; positive: hardening",
+            scales=powers(force=1, displacement=-3),
+        ),
     )
     baseline = "oscillator"
 

@@ -17,7 +17,7 @@ from mofit.report.directions import Pair, strong_pairs
 from mofit.report.estimates import Estimate, estimate_columns, extract_estimates, unconverged
 from mofit.report.per_test import extract_per_test
 from mofit.report.run import Mode, Run
-from mofit.report.summary import convergence_banner, extract_headline
+from mofit.report.summary import extract_headline, trust_banners
 from mofit.report.toolkit.blocks import Block, Section, Table, Text, tabs, words, wrapped
 from mofit.report.toolkit.formatting import THIN, listed, number, symbol, unit_text, whole_percent, with_sd
 from mofit.report.uncertainty.homogeneity import extract_homogeneity
@@ -119,7 +119,7 @@ def table_section(run: Run) -> Section:
     """Banner, what is shown, and a table per mode, best first."""
     rows = {mode.name: extract_rows(run, mode) for mode in run.modes}
     panes: dict[str, list[Block]] = {mode.title: [_table(run, mode, rows[mode.name])] for mode in run.modes}
-    blocks: list[Block] = [convergence_banner(extract_headline(run)), *map(Text, _overview(run)), *tabs(panes)]
+    blocks: list[Block] = [*trust_banners(extract_headline(run)), *map(Text, _overview(run)), *tabs(panes)]
     return Section("summary", "Summary", blocks, {"converged": run.converged, "modes": rows})
 
 

@@ -1,0 +1,91 @@
+"""Wider ranges: where the best fit lies at the end of a range, the range was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.identification.problem_setup import ProblemSetup, set_up_problem
+from mofit.optimize import Minimum, merge, refine
+from mofit.parameters import ParameterSpace
+from mofit.problem import CampaignPosterior
+
+#: Nats that the fit must gain beyond an end for the range to be widened: two standard deviations. Less is what a flat
+#: direction gives, and a lower or upper limit is all that the data know.
+WORTH = 2.0
+#: Times that a range may be widened, each time tenfold.
+MOST = 6
+#: Starts beyond the end, as shares of the new part of the range.
+_BEYOND = (0.02, 0.2, 0.6)
+
+
+@dataclass(frozen=True)
+class Widening:
+    """A range that was widened."""
+
+    name: str
+    unit: str
+    before: tuple[float, float]
+    after: tuple[float, float]
+
+    def __str__(self) -> str:
+        (old_low, old_high), (low, high) = self.before, self.after
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return (
+            f"The range of {self.name} was widened from {old_low:.4g} … {old_high:.4g} to {low:.4g} … {high:.4g}{unit} "
+            "and searched again: the best fit lay at its end."
+        )
+
+
+def widenings(before: ParameterSpace, after: ParameterSpace) -> tuple[Widening, ...]:
+    """What differs between the ranges of two spaces of the same parameters."""
+    return tuple(
+        Widening(old.name, old.unit, (old.lower, old.upper), (new.lower, new.upper))
+        for old, new in zip(before.parameters, after.parameters, strict=True)
+        if (old.lower, old.upper) != (new.lower, new.upper)
+    )
+
+
+def wider_setup(
+    setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimum, campaign: Campaign, tests: Sequence[str]
+) -> ProblemSetup | None:
+    """The problem in ranges wide enough for its best minimum, found by local descents; None where they are.
+
+    Parameters
+    ----------
+    setup, posterior, minimum
+        The problem, its posterior with noise estimated, and the best minimum.
+    campaign, tests
+        What it was set up from.
+    """
+    best, noise = None, posterior.main.noise
+    values, sides = posterior.space.from_unit(minimum.point), minimum.at_bound
+    for _ in range(MOST):
+        space = (best or setup).space.farther(sides)
+        if space == (best or setup).space:
+            break
+        wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
+        target = wider.posterior.with_noise(noise)
+        starts = _starts((best or setup).space, space, values, sides)
+        (cost, *_), *_ = target.evaluate(starts[:1])
+        (found, *_) = merge(refine(target.evaluate, starts)) or (None,)
+        if found is None or not cost - found.value > WORTH:
+            break
+        best, values, sides = wider, space.from_unit(found.point), found.at_bound
+    return best
+
+
+def _starts(old: ParameterSpace, new: ParameterSpace, values: FloatArray, sides: NDArray[np.int64]) -> FloatArray:
+    """The point, and points beyond the ends that it lies at, in unit coordinates of the new space."""
+    here = np.clip(new.to_unit(values), 0.0, 1.0)
+    starts = [here]
+    ends = np.clip(new.to_unit(np.where(sides > 0, old.upper, old.lower)), 0.0, 1.0)
+    for share in _BEYOND:
+        beyond = np.where(sides > 0, ends + share * (1 - ends), ends * (1 - share))
+        starts.append(np.where(sides != 0, beyond, here))
+    return np.array(starts)
