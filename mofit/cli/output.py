@@ -130,6 +130,8 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
         console.print(f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).")
     if found["next_experiment"]:
         console.print(found["next_experiment"]["sentence"])
+    for warning in found["warnings"]:
+        console.print(f"warning: {warning}")
     console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,9 @@ from mofit.diagnosis.integration import clipped, stable, with_enough_steps
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
 from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
+from mofit.parameters import ParameterSpace
 from mofit.simulation import Simulator, lacking
+from mofit.simulation.ranges import scaled, with_parameters
 
 #: Relative change of a score test's direction when the step is halved: costs 1e-4 of the test's power.
 _SENSITIVITY_CHANGE = 0.01
@@ -62,6 +64,22 @@ class Candidate:
         """Per component of the size: 1 if it cannot be below neutral, -1 if it cannot be above, else 0."""
         size = [p for p in self.effect.parameters if p.neutral is not None]
         return tuple(int(p.neutral == p.lower) - int(p.neutral == p.upper) for p in size)
+
+
+def ranged(effect: Effect, scales: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> Effect:
+    """The effect with ranges for data of these scales (`mofit.simulation.ranges`), or in the bounds asked for.
+
+    Raises
+    ------
+    InputError
+        If bounds leave out the value without the effect.
+    """
+    own = scaled(effect, scales)
+    space = ParameterSpace(own.parameters)
+    asked = [name for name in space.names if name in bounds]
+    for name in asked:
+        space = space.with_bounds(name, *bounds[name])
+    return with_parameters(own, space.parameters) if asked else own
 
 
 def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) -> tuple[list[Effect], dict[str, str]]:

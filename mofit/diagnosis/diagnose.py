@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.diagnosis.candidates import Candidate, choose_effects, prepare, rescaled
+from mofit.diagnosis.candidates import Candidate, choose_effects, prepare, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.cross_validation import cross_validate
-from mofit.diagnosis.fitting import Fitted, fit_baseline, set_up
+from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges, fit_baseline
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.model_search import Attribution, attribute, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
@@ -23,9 +22,11 @@ from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model
 from mofit.runtime.progress import Progress, silent
+from mofit.simulation.ranges import data_scales
 
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
 _NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it faster"
@@ -70,9 +71,18 @@ def diagnose(
     """
     began = time.process_time()
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
-    observed, start = set_up(model, campaign, settings, tests, simulators)
-    chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
-    case, ignored = _investigate(observed, start, chosen, settings.seed, rules, progress), 0.0
+    tests = choose_tests(model, campaign, tests)
+    selected = campaign.select(tests)
+    named, left_out = choose_effects(model, selected, effects)
+    scales = data_scales(model, selected)
+    chosen = [ranged(effect, scales, settings.bounds) for effect in named]
+    of_effects = {parameter.name for effect in chosen for parameter in effect.parameters}
+    own = {name: bounds for name, bounds in settings.bounds.items() if name not in of_effects}
+    settings = replace(settings, bounds=own)
+    progress("baseline", 0, 1, "the model without effects")
+    baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
+    observed = baseline.hypothesis.observed
+    case, ignored = _investigate(baseline, chosen, rules, progress), 0.0
     if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.coarse:
         case, ignored = _relaxed(case, observed, chosen, settings.seed, progress)
     found, conclusion, candidates = case.found, case.conclusion, case.candidates
@@ -102,6 +112,7 @@ def diagnose(
         nrmsd_after=_nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
+        warnings=(*notes, *_at_ends(found)),
         seconds=time.process_time() - began,
         page=_page,
     )
@@ -156,16 +167,7 @@ class _Case:
         return self.conclusion.verdict == "effect" and self.settings.coarse_factor * best < next_best
 
 
-def _investigate(
-    observed: WhitenedData,
-    start: FloatArray,
-    effects: Sequence[Effect],
-    seed: int,
-    settings: DiagnosisSettings,
-    progress: Progress,
-) -> _Case:
-    progress("baseline", 0, 1, "the model without effects")
-    baseline = fit_baseline(observed, start, seed)
+def _investigate(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> _Case:
     prepared = []
     for number, effect in enumerate(effects):
         progress("score test", number, len(effects), effect.name)
@@ -191,8 +193,20 @@ def _relaxed(
         return single, 0.0
     ignored = settings.resolution * case.before.relative
     noisy, here = with_discrepancy(observed, ignored), single.found.baseline.minimum.point
-    again = _investigate(noisy, here, effects, seed, settings, progress)
+    again = _investigate(fit_baseline(noisy, here, seed), effects, settings, progress)
     return (again, ignored) if again.dominated else (case, 0.0)
+
+
+def _at_ends(found: Attribution) -> tuple[str, ...]:
+    """What to know of the best model's parameters that lie at the end of their range."""
+    best = found.best.fitted
+    bounds = zip(best.hypothesis.space.parameters, best.minimum.at_bound, strict=True)
+    return tuple(
+        f"{one.name} is at the end of its range, {one.lower if side < 0 else one.upper:.4g} {one.unit}: read what is "
+        "named with care, or widen it with --bounds."
+        for one, side in bounds
+        if side and (one.lower if side < 0 else one.upper) != one.neutral
+    )
 
 
 def _why_no_shrinkage(conclusion: Conclusion, found: Attribution) -> str:

@@ -17,11 +17,14 @@ from mofit.errors import InputError
 from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings
+from mofit.identification.stages import search
+from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
+from mofit.parameters import ParameterSpace
 
-#: Starts of the baseline beside the nominal values: with them as many as SIMD lanes.
-_STARTS = 7
+#: Starts of the baseline beside those given; and the most minima of the search among these.
+_STARTS, _MINIMA = 7, 8
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
 _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
@@ -138,13 +141,19 @@ def set_up(
     settings: Settings,
     tests: Sequence[str] = (),
     simulators: SimulatorCache | None = None,
+    space: ParameterSpace | None = None,
 ) -> tuple[WhitenedData, FloatArray]:
-    """The whitened tests, and a start (d,): calibrated values, nominal ones where there are none."""
-    setup = set_up_problem(model, campaign, settings, tests)
+    """The whitened tests, and starts (k, d): the nominal point, and the best minima that the search finds.
+
+    Parameters with a calibration start at its values.
+    """
+    setup = set_up_problem(model, campaign, settings, tests, space=space)
     problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
     observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs))
-    return observed, np.clip(problem.space.to_unit(values), 0.0, 1.0)
+    found, _ = search(setup.searched, settings)
+    minima = setup.searched.layout.values(found.archived_points[:_MINIMA], problem.space.names)
+    return observed, np.clip(problem.space.to_unit(np.vstack([values, minima])), 0.0, 1.0)
 
 
 def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
@@ -163,15 +172,40 @@ def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
     return Fitted(model, found[0], here.residual[0], here.jacobian[0])
 
 
-def fit_baseline(observed: WhitenedData, start: FloatArray, seed: int) -> Fitted:
-    """Fit the model as it is, from a start (d,) and from Sobol points over the parameters without calibration."""
+def baseline_in_wide_ranges(
+    model: Model,
+    campaign: Campaign,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    simulators: SimulatorCache | None = None,
+) -> tuple[Fitted, tuple[str, ...]]:
+    """The model without effects, fitted in ranges wide enough for it; and what was widened, in sentences."""
+    cache = simulators or SimulatorCache(settings.jobs)
+    observed, starts = set_up(model, campaign, settings, tests, cache)
+    found = fit_baseline(observed, starts, settings.seed)
+    first = space = observed.problem.space
+    for _ in range(MOST):
+        sides, values = found.minimum.at_bound, space.from_unit(found.minimum.point)
+        farther = space.farther(sides)
+        if farther == space:
+            break
+        observed, _ = set_up(model, campaign, settings, tests, cache, farther)
+        again = fit_baseline(observed, beyond_ends(space, farther, values, sides), settings.seed)
+        if found.minimum.value - again.minimum.value <= WORTH:
+            break
+        found, space = again, farther
+    return found, tuple(map(str, widenings(first, space)))
+
+
+def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:
+    """Fit the model as it is, from starts (k, d) or one, and from Sobol points over parameters without calibration."""
     from scipy.stats import qmc  # late: its import takes half a second
 
-    model = hypothesis(observed)
-    searched = np.ones(len(start), dtype=bool)
+    model, starts = hypothesis(observed), np.atleast_2d(starts)
+    start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
-    starts = np.concatenate([start[None], np.where(searched, scattered, start)])
+    starts = np.concatenate([starts, np.where(searched, scattered, start)])
     model = model.at_steps_for(start[None])
     first = fit(model, starts)
     # the minimum may be stiffer than the start

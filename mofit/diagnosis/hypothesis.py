@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
@@ -15,6 +16,7 @@ from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.simulation import ExperimentData, Simulator, experiment_data
+from mofit.simulation.ranges import with_parameters
 
 #: Most numbers in the Jacobians that are computed at once: 80 MB.
 _NUMBERS = 10**7
@@ -107,6 +109,25 @@ class Hypothesis:
     def _neutral(self) -> FloatArray:
         """Values of the effects without size; of the model's own parameters, nominal ones."""
         return np.array([p.nominal if p.neutral is None else p.neutral for p in self.space.parameters])
+
+    def wider(self, sides: NDArray[np.int64]) -> Hypothesis | None:
+        """The hypothesis with wider ranges of the effects' parameters at whose ends (d,) a fit is; None if none is."""
+        space = self.space.farther(np.where(np.arange(len(sides)) < self.own, 0, sides))
+        if space == self.space:
+            return None
+        wider = [
+            replace(
+                one,
+                effect=with_parameters(one.effect, space.subset([p.name for p in one.effect.parameters]).parameters),
+            )
+            for one in self.discrepancies
+        ]
+        return replace(self, discrepancies=tuple(wider), layout=replace(self.layout, space=space))
+
+    @property
+    def own(self) -> int:
+        """Number of the model's free parameters; those of the effects follow."""
+        return len(self.observed.problem.space)
 
     def outputs(self, u: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
         """Per test: outputs (K, n, outputs) and derivatives by the values of free parameters (K, n, outputs, d)."""

@@ -15,6 +15,7 @@ from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError
+from mofit.identification.widening import MOST, WORTH, beyond_ends
 
 #: Grid points of an effect that a refit starts from, each twice: with the typical size no more than lanes.
 _GRID_STARTS = 3
@@ -104,10 +105,24 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | N
     steps = max(old.steps, added.candidate.steps) if added.effect.states else old.steps
     try:
         first = fit(new.with_steps(steps), np.array(starts))
-        found = settled(first, limit, with_stages)
+        found = _in_wider_ranges(settled(first, limit, with_stages))
     except InputError:
         return None
     return found.without_tables() if is_reliable(found) else None
+
+
+def _in_wider_ranges(found: Fitted) -> Fitted:
+    """The fit in ranges of the effects' parameters wide enough for it; as it is where they are."""
+    for _ in range(MOST):
+        here, sides = found.hypothesis, found.minimum.at_bound
+        wider = here.wider(sides)
+        if wider is None:
+            break
+        again = fit(wider, beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides))
+        if found.minimum.value - again.minimum.value <= WORTH:
+            break
+        found = again
+    return found
 
 
 def is_reliable(found: Fitted) -> bool:

@@ -48,6 +48,8 @@ class Diagnosis:
         Per test.
     left_out
         Effects that could not be candidates, and why.
+    warnings
+        Ranges that were widened, parameters at the end of theirs.
     seconds
         Processor time.
     page
@@ -68,6 +70,7 @@ class Diagnosis:
     nrmsd_after: Mapping[str, float]
     noise_floor: Mapping[str, float]
     left_out: Mapping[str, str]
+    warnings: tuple[str, ...]
     seconds: float = field(compare=False)
     page: Callable[[Diagnosis], str] = field(compare=False, repr=False)
 
@@ -99,6 +102,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "next_experiment": None if following is None else asdict(following),
         "candidates": [_candidate(found, one) for one in found.score_tests],
         "left_out": dict(diagnosis.left_out),
+        "warnings": list(diagnosis.warnings),
         "homogeneity": [
             {"parameter": one.parameter, "tests": len(one.tests)}
             | {key: _number(getattr(one, key)) for key in ("p_value", "i_squared")}

@@ -71,7 +71,7 @@ def wider_setup(
             break
         wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
         target = wider.posterior.with_noise(noise)
-        starts = _starts((best or setup).space, space, values, sides)
+        starts = beyond_ends((best or setup).space, space, values, sides)
         (cost, *_), *_ = target.evaluate(starts[:1])
         (found, *_) = merge(refine(target.evaluate, starts)) or (None,)
         if found is None or not cost - found.value > WORTH:
@@ -80,8 +80,18 @@ def wider_setup(
     return best
 
 
-def _starts(old: ParameterSpace, new: ParameterSpace, values: FloatArray, sides: NDArray[np.int64]) -> FloatArray:
-    """The point, and points beyond the ends that it lies at, in unit coordinates of the new space."""
+def beyond_ends(old: ParameterSpace, new: ParameterSpace, values: FloatArray, sides: NDArray[np.int64]) -> FloatArray:
+    """Starts in a wider space (k, d): the point, and points beyond the ends of the old ranges that it lies at.
+
+    Parameters
+    ----------
+    old, new
+        The spaces.
+    values
+        The point (d,).
+    sides
+        -1 where it lies at the lower end of the old range, 1 at the upper, else 0; shape (d,).
+    """
     here = np.clip(new.to_unit(values), 0.0, 1.0)
     starts = [here]
     ends = np.clip(new.to_unit(np.where(sides > 0, old.upper, old.lower)), 0.0, 1.0)

@@ -12,6 +12,7 @@ from mofit.data import Campaign, Measurement
 from mofit.data.signals import smooth_derivative
 from mofit.models import Effect, Model
 from mofit.models.model import SAMPLE_INTERVAL
+from mofit.parameters import Parameter
 
 Ranged = TypeVar("Ranged", Model, Effect)
 
@@ -42,8 +43,11 @@ def scaled(item: Ranged, scales: Mapping[str, float]) -> Ranged:
         else parameter
         for parameter in item.parameters
     )
-    if parameters == tuple(item.parameters):
-        return item
+    return item if parameters == tuple(item.parameters) else with_parameters(item, parameters)
+
+
+def with_parameters(item: Ranged, parameters: tuple[Parameter, ...]) -> Ranged:
+    """A model or an effect with other ranges of its parameters."""
     changed = copy(item)
     changed.parameters = parameters
     return changed

@@ -6,7 +6,10 @@ import casadi as ca
 
 from mofit.models.effect import Addition, Effect
 from mofit.models.model import TARGET_UNIT, Applied, Channel, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
+
+#: how forces and lengths grow with the data of a damper
+FORCE, STROKE = powers(force=1), powers(displacement=1)
 
 #: time constant with which the state of a play follows its signal, s; it matters only where the signal turns
 FOLLOWING = 1e-3
@@ -35,8 +38,18 @@ class DryFriction(Effect):
     title = "dry friction (Dahl)"
     on = ("deflection_rate", "damper_force")
     parameters = (
-        Parameter("F_d", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0),
-        Parameter("delta_d", "m", 1e-5, 5e-2, 2e-3, "log", "length over which it builds up", grid=(5e-4, 2e-3, 8e-3)),
+        Parameter("F_d", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0, scales=FORCE),
+        Parameter(
+            "delta_d",
+            "m",
+            1e-5,
+            5e-2,
+            2e-3,
+            "log",
+            "length over which it builds up",
+            grid=(5e-4, 2e-3, 8e-3),
+            scales=STROKE,
+        ),
     )
     states = (Channel("friction", "1", "share of the friction force, z"),)
 
@@ -60,8 +73,8 @@ class BoucWen(Effect):
     title = "hysteresis (Bouc–Wen)"
     on = ("deflection_rate", "damper_force")
     parameters = (
-        Parameter("F_w", "N", 0.0, 1e3, 30.0, description="yield force of the hysteresis", neutral=0.0),
-        Parameter("delta_w", "m", 1e-5, 5e-2, 2e-3, "log", "its yield length", grid=(5e-4, 2e-3, 8e-3)),
+        Parameter("F_w", "N", 0.0, 1e3, 30.0, description="yield force of the hysteresis", neutral=0.0, scales=FORCE),
+        Parameter("delta_w", "m", 1e-5, 5e-2, 2e-3, "log", "its yield length", grid=(5e-4, 2e-3, 8e-3), scales=STROKE),
     )
     states = (Channel("hysteresis", "1", "share of the yield force, z"),)
     candidate = False
@@ -85,8 +98,18 @@ class CoulombFriction(Addition):
     on = ("damper_force",)
     needs = ("velocity",)
     parameters = (
-        Parameter("F_C", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0),
-        Parameter("v_C", "m/s", 1e-5, 1.0, 5e-3, "log", "speed at which it is there", grid=(5e-4, 5e-3, 5e-2)),
+        Parameter("F_C", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0, scales=FORCE),
+        Parameter(
+            "v_C",
+            "m/s",
+            1e-5,
+            1.0,
+            5e-3,
+            "log",
+            "speed at which it is there",
+            grid=(5e-4, 5e-3, 5e-2),
+            scales=powers(velocity=1),
+        ),
     )
     candidate = False
 
@@ -106,7 +129,18 @@ class QuadraticDamping(Effect):
     name = "quadratic_damping"
     title = "quadratic damping"
     on = ("deflection_rate", "damper_force")
-    parameters = (Parameter("d_2", "N s^2/m^2", 0.0, 1e5, 300.0, description="quadratic damping", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "d_2",
+            "N s^2/m^2",
+            0.0,
+            1e5,
+            300.0,
+            description="quadratic damping",
+            neutral=0.0,
+            scales=powers(force=1, velocity=-2),
+        ),
+    )
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Rate or damper force with the quadratic force."""
@@ -135,7 +169,9 @@ class Backlash(Effect):
     on = ("slip_angle", "displacement")
     # 0.03 degrees; half a millimetre
     parameters = (
-        Parameter("b_0", TARGET_UNIT, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0),
+        Parameter(
+            "b_0", TARGET_UNIT, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0, scales=STROKE
+        ),
     )
     states = (
         Channel("play_position", TARGET_UNIT, "where the driven side rests"),

@@ -7,7 +7,10 @@ import casadi as ca
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.filters import Washout, delayed, lagged, washout_states, washout_time
 from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, TIME, Applied, Condition, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
+
+#: how times grow with the data of a damper
+DURATION = powers(displacement=1, velocity=-1)
 
 
 class WheelOrder(Addition):
@@ -79,7 +82,11 @@ class ForceOffset(Addition):
     name = "force_offset"
     title = "force offset"
     on = ("lateral_force", "force")
-    parameters = (Parameter("F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0, scales=powers(force=1)
+        ),
+    )
 
 
 class SlipOffset(Addition):
@@ -119,7 +126,9 @@ class Delay(Effect):
     name = "delay"
     title = "delay of the measurement"
     on = ("output",)
-    parameters = (Parameter("tau_d", "s", -0.02, 0.05, 0.004, description="delay of the output", neutral=0.0),)
+    parameters = (
+        Parameter("tau_d", "s", -0.02, 0.05, 0.004, description="delay of the output", neutral=0.0, scales=DURATION),
+    )
     states = washout_states(name, TARGET_UNIT)
     conditions = (SAMPLE_INTERVAL,)
 
@@ -138,7 +147,9 @@ class SensorLowpass(Effect):
     name = "sensor_lowpass"
     title = "low-pass of the sensor"
     on = ("output",)
-    parameters = (Parameter("T_f", "s", 0.0, 0.1, 0.005, description="time constant of the filter", neutral=0.0),)
+    parameters = (
+        Parameter("T_f", "s", 0.0, 0.1, 0.005, description="time constant of the filter", neutral=0.0, scales=DURATION),
+    )
     states = washout_states(name, TARGET_UNIT)
     conditions = (SAMPLE_INTERVAL,)
 

@@ -10,8 +10,14 @@ import numpy as np
 from mofit.models.effect import Addition, Effect
 from mofit.models.filters import Washout, derivative, washout_states, washout_time
 from mofit.models.model import SAMPLE_INTERVAL, Applied, Channel, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
 
+#: how stiffnesses, deflections and times grow with the data of a damper; a tyre's deflection is not measured
+PER_STROKE, STROKE, DURATION = (
+    powers(force=1, displacement=-1),
+    powers(displacement=1),
+    powers(displacement=1, velocity=-1),
+)
 #: branches of a relaxation spectrum
 BRANCHES = 8
 #: relaxation times of a springpot's branches, s
@@ -42,7 +48,18 @@ class CubicStiffness(Addition):
     title = "cubic stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
-    parameters = (Parameter("k_c", "N/m^3", -1e9, 1e9, 2.2e7, description="cubic stiffness", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "k_c",
+            "N/m^3",
+            -1e9,
+            1e9,
+            2.2e7,
+            description="cubic stiffness",
+            neutral=0.0,
+            scales=powers(force=1, displacement=-3),
+        ),
+    )
 
     def term(self, s: Symbols) -> ca.SX:
         """Cubic force."""
@@ -59,7 +76,9 @@ class AsymmetricStiffness(Addition):
     title = "asymmetric stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
-    parameters = (Parameter("k_a", "N/m", -5e4, 5e4, 1.2e3, description="half the difference", neutral=0.0),)
+    parameters = (
+        Parameter("k_a", "N/m", -5e4, 5e4, 1.2e3, description="half the difference", neutral=0.0, scales=PER_STROKE),
+    )
 
     def term(self, s: Symbols) -> ca.SX:
         """Even force."""
@@ -78,8 +97,27 @@ class Payne(Addition):
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
-        Parameter("c_P", "N/m", 0.0, 1e5, 1e4, description="stiffness that is lost with amplitude", neutral=0.0),
-        Parameter("y_P", "m", 1e-4, 0.1, 3e-3, "log", "deflection where half of it is lost", grid=(1e-3, 3e-3, 1e-2)),
+        Parameter(
+            "c_P",
+            "N/m",
+            0.0,
+            1e5,
+            1e4,
+            description="stiffness that is lost with amplitude",
+            neutral=0.0,
+            scales=PER_STROKE,
+        ),
+        Parameter(
+            "y_P",
+            "m",
+            1e-4,
+            0.1,
+            3e-3,
+            "log",
+            "deflection where half of it is lost",
+            grid=(1e-3, 3e-3, 1e-2),
+            scales=STROKE,
+        ),
     )
 
     def term(self, s: Symbols) -> ca.SX:
@@ -98,7 +136,18 @@ class Inertia(Effect):
     title = "inertia"
     on = ("lateral_force", "damper_force")
     needs = ("deflection_rate or velocity",)
-    parameters = (Parameter("m_b", "kg", 0.0, 100.0, 5.0, description="mass that is accelerated", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "m_b",
+            "kg",
+            0.0,
+            100.0,
+            5.0,
+            description="mass that is accelerated",
+            neutral=0.0,
+            scales=powers(force=1, displacement=1, velocity=-2),
+        ),
+    )
     states = washout_states(name, "m/s")
     conditions = (SAMPLE_INTERVAL,)
 
@@ -124,8 +173,18 @@ class SecondBranch(Effect):
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
-        Parameter("c_2", "N/m", 0.0, 1e5, 1.2e4, description="stiffness of the branch", neutral=0.0),
-        Parameter("tau_2", "s", 1e-3, 10.0, 0.05, "log", "relaxation time of the branch", grid=(0.01, 0.05, 0.25, 1.0)),
+        Parameter("c_2", "N/m", 0.0, 1e5, 1.2e4, description="stiffness of the branch", neutral=0.0, scales=PER_STROKE),
+        Parameter(
+            "tau_2",
+            "s",
+            1e-3,
+            10.0,
+            0.05,
+            "log",
+            "relaxation time of the branch",
+            grid=(0.01, 0.05, 0.25, 1.0),
+            scales=DURATION,
+        ),
     )
     states = (Channel("second_branch_displacement", "m", "internal displacement of the branch"),)
 
@@ -152,8 +211,17 @@ class RelaxationSpectrum(Effect):
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
-        Parameter("c_R", "N/m", 0.0, 2e5, 2e4, description="stiffness of all branches together", neutral=0.0),
-        Parameter("tau_R", "s", 1e-3, 10.0, 0.1, "log", "central relaxation time", grid=(0.015, 0.1)),
+        Parameter(
+            "c_R",
+            "N/m",
+            0.0,
+            2e5,
+            2e4,
+            description="stiffness of all branches together",
+            neutral=0.0,
+            scales=PER_STROKE,
+        ),
+        Parameter("tau_R", "s", 1e-3, 10.0, 0.1, "log", "central relaxation time", grid=(0.015, 0.1), scales=DURATION),
         Parameter("w_R", "1", 0.5, 6.0, 3.0, description="width in decades", grid=(2.0, 4.0)),
     )
     states = tuple(Channel(f"relaxation_{i}", "m", f"internal displacement of branch {i}") for i in range(BRANCHES))

@@ -30,6 +30,9 @@ from mofit.results import cochran
 SIGNIFICANCE = 0.01
 """p value below which the tests disagree."""
 
+APART = 3.0
+"""Distance of the pooled estimate from the joint one, in their common standard deviation, from which they disagree."""
+
 _EDGE = 1e-3
 """Share of the prior box within which an estimate is at its bound."""
 
@@ -55,11 +58,13 @@ class Homogeneity:
     p: float
     i_squared: float
     drift: float
+    apart: float
+    """Distance of the pooled estimate from that of all tests together, in their common standard deviation."""
 
     @property
     def agree(self) -> bool | None:
-        """Whether the tests agree; None where too few can be used."""
-        return None if np.isnan(self.p) else self.p >= SIGNIFICANCE
+        """Whether the tests agree, with one another and with all together; None where too few can be used."""
+        return None if np.isnan(self.p) else self.p >= SIGNIFICANCE and not self.apart > APART
 
     @property
     def text(self) -> Markup:
@@ -75,6 +80,11 @@ class Homogeneity:
             return "too few tests identify it on their own"
         if self.agree:
             return f"the {len(self.used)} tests agree (p {equals}{p_value(self.p)})"
+        if self.p >= SIGNIFICANCE:
+            return (
+                f"the {len(self.used)} tests agree with one another, but lie {number(self.apart, 2)} standard "
+                "deviations from the estimate of all together: each alone leaves out what the others decide"
+            )
         text = f"the {len(self.used)} tests disagree beyond their standard deviations (p {equals}{p_value(self.p)}, "
         text += f"I² = {whole_percent(self.i_squared)})"
         if not abs(self.drift) > _DRIFT:
@@ -97,6 +107,8 @@ def _homogeneity(run: Run, found: PerTest, k: int, name: str) -> Homogeneity:
     used = there & ~bound & ~wide
     mean, sd, q, p, i_squared = cochran(place[used], width[used])
     pooled = space.from_unit(np.array([mean]))
+    pooled_sd = float(sd * space.derivative(pooled)[0])
+    joint, low, high = found.joint[k]
 
     def names(mask: NDArray[np.bool_]) -> list[str]:
         return [test for test, on in zip(found.tests, mask, strict=True) if on]
@@ -107,11 +119,12 @@ def _homogeneity(run: Run, found: PerTest, k: int, name: str) -> Homogeneity:
         at_bound=names(bound),
         wide=names(wide),
         pooled=float(pooled[0]),
-        pooled_sd=float(sd * space.derivative(pooled)[0]),
+        pooled_sd=pooled_sd,
         q=q,
         p=p,
         i_squared=i_squared,
         drift=_rank_correlation(found.frequency[used], value[used, 0]),
+        apart=float(abs(pooled[0] - joint) / np.hypot(pooled_sd, (high - low) / (2 * NINETY))),
     )
 
 
