@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from mofit._typing import FloatArray
 from mofit.errors import check_settings
@@ -28,18 +29,18 @@ class RoughSettings:
     """Uniform points per parameter in the first round."""
     growth: float = 2.0
     """Of the sample from round to round: what the first rounds have not found is smaller."""
-    population_growth: float = 1.2
+    population_growth: float = 1.05
     """Of the population: larger ones pass over rougher structure (Auger and Hansen 2005), but take longer."""
     neighbours: float = 1.0
     """As in `SwarmSettings`, for the clusters of the sample."""
-    best: float = 0.5
+    best: float = 1.0
     """Better share of the clusters, from which runs start."""
     most: int = 128
     """Runs per round."""
     together: int = 600
     """Points per generation of all runs that go together: one call of the function is then long beside its
     overhead."""
-    steps: tuple[float, float] = (0.3, 1.0)
+    steps: tuple[float, float] = (0.1, 1.0)
     """Typical first distances of a run's points from its start, in distances between neighbours in the sample, drawn
     between these: a short one stays in a narrow basin, a long one passes over small ones."""
     hopeless: float = 20.0
@@ -50,6 +51,9 @@ class RoughSettings:
     """A run is given up where a known minimum lies within so many standard deviations of it."""
     near: float = 0.05
     """And within this distance; a run at the rim of a basin is wide."""
+    attraction: float = 0.4
+    """A run is given up within this share of the distance from a known minimum that no run came within and then ended
+    elsewhere."""
     merge: float = 1e-3
     """Ends this close are one minimum."""
     equal: float = 1e-6
@@ -118,12 +122,14 @@ def search_rough(
         return archive.cost(log.evaluate(points)[1])
 
     while log.left > 0:
+        before = log.used
         points = rng.random((int(size), d))
         cost = evaluate(points)
         points = points[: len(cost)]
         if len(points) <= d + 1:
             break
         centres, _ = cluster_centres(points, cost, SwarmSettings(neighbours=settings.neighbours))
+        centres = centres[~deepest.attracts(points[centres])]
         starts = points[centres[: min(settings.most, max(4, int(settings.best * len(centres))))]]
         spacing = float(np.median(cKDTree(points).query(points, k=min(6, len(points)))[0][:, 1:].mean(axis=1)))
         batch = max(4, min(settings.most, settings.together // int(population)))
@@ -133,29 +139,62 @@ def search_rough(
             some = starts[first : first + batch]
             steps = spacing / d**0.5 * np.exp(rng.uniform(np.log(short), np.log(long), len(some)))
             deepest.add(adapt(evaluate, some, steps, rng, int(population), deepest.stop))
-        size, population = size * settings.growth, population * settings.population_growth
+        if log.used - before > 8 * len(points):
+            size *= settings.growth
+        population *= settings.population_growth
     return deepest.archive(log, archive, found_by)
 
 
+def _distances(points: FloatArray, others: FloatArray) -> FloatArray:
+    """Between all pairs, shape (n, m)."""
+    return np.asarray(cdist(points, others))
+
+
 class _Deepest:
-    """The deepest minima so far."""
+    """The deepest minima so far, and the paths of the runs that tell how far each of them attracts."""
 
     def __init__(self, d: int, worth: float, settings: RoughSettings, best: float) -> None:
         self.points, self.cost = np.empty((0, d)), np.empty(0)
+        self.radius = np.empty(0)
+        """A run that comes this close to a minimum is taken to end there."""
         self.worth, self.best, self.settings = worth, best, settings
+        self._means: list[FloatArray] = []
+        self._ends = np.empty((0, d))
+        self._paths: list[tuple[FloatArray, FloatArray]] = []
+
+    def attracts(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Which points lie where a known minimum attracts."""
+        if len(self.points) == 0:
+            return np.zeros(len(points), dtype=bool)
+        return np.asarray(np.any(_distances(points, self.points) < self.radius, axis=1))
 
     def stop(self, runs: Runs) -> NDArray[np.bool_]:
         """Which runs to give up."""
         s, d = self.settings, self.points.shape[1]
+        if not self._means:
+            self._ends = np.full_like(runs.mean, np.inf)
+        self._means.append(np.where(runs.active[:, None], runs.mean, np.nan))
         best = min(self.best, float(runs.cost.min()))
         contracted = runs.size < s.contracted * runs.first_step
-        given_up = contracted & (s.hopeless * runs.spread < runs.cost - best - self.worth)
+        hopeless = contracted & (s.hopeless * runs.spread < runs.cost - best - self.worth)
+        wide = s.known * d**0.5 * runs.size
+        reach = np.where(runs.size < 2 * s.contracted * runs.first_step, np.minimum(wide, s.near), 0.0)
+        ahead = (runs.cost < runs.cost[:, None]) & (runs.active | runs.converged) & (reach > 0)
+        met = np.any(ahead & (_distances(runs.mean, runs.mean) < reach[:, None]), axis=1)
+        known = np.zeros_like(met)
         if len(self.points):
-            gap = cKDTree(self.points).query(runs.mean)[0]
-            given_up |= (
-                (runs.size < 2 * s.contracted * runs.first_step) & (gap < s.known * d**0.5 * runs.size) & (gap < s.near)
-            )
-        return np.asarray(given_up)
+            gap = _distances(runs.mean, self.points)
+            known = np.any(gap < np.maximum(self.radius, reach[:, None]), axis=1)
+            near = self.points[gap.argmin(axis=1)]
+            at_known = known | (hopeless & (gap.min(axis=1) < wide))
+            ended = runs.active & at_known
+            self._ends[ended] = near[ended]
+            hopeless_there = hopeless & at_known
+        else:
+            hopeless_there = np.zeros_like(met)
+        lost = runs.active & hopeless & ~known & ~met & ~hopeless_there
+        self._ends[lost] = np.nan
+        return np.asarray(hopeless | met | known)
 
     def add(self, runs: Runs) -> None:
         """Add the ends of those that converged, each once."""
@@ -169,6 +208,27 @@ class _Deepest:
             if all(np.linalg.norm(points[k] - points[j]) > self.settings.merge for j in kept):
                 kept.append(int(k))
         self.points, self.cost = points[kept], cost[kept]
+        self._ends[runs.converged] = runs.points[runs.converged]
+        told = ~np.isinf(self._ends[:, 0])
+        if told.any() and self._means:
+            self._paths.append((np.array(self._means)[:, told], self._ends[told]))
+        self._means = []
+        self.radius = self._radii(); import os; os.environ.get("DBG") and print("radii",np.round(self.radius*10,2), "attracted", self.attracts(np.random.default_rng(0).random((1000,self.points.shape[1]))).mean(), np.round(_distances(self.points,self.points)*10,1)[0])
+
+    def _radii(self) -> FloatArray:
+        """How close runs came to each minimum that ended elsewhere; a share of that."""
+        radii = np.zeros(len(self.points))
+        for k, point in enumerate(self.points):
+            closest, here = [], 0
+            for path, ends in self._paths:
+                other = ~(np.linalg.norm(ends - point, axis=1) < self.settings.merge)
+                here += np.count_nonzero(~other)
+                if other.any():
+                    closest.append(np.nanmin(np.linalg.norm(path[:, other] - point, axis=2), axis=0))
+            if closest:
+                apart = np.sort(np.concatenate(closest))
+                radii[k] = self.settings.attraction * apart[min(here // 10, len(apart) - 1)]
+        return radii
 
     def archive(self, log: EvaluationLog, old: MinimaArchive, found_by: str) -> MinimaArchive:
         """As an archive of rows of the log."""
