@@ -20,6 +20,10 @@ class MlslSettings:
     """Sobol points per round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
     start_share: float = 0.5
     """Better share of the points from which a descent may start."""
+    late_share: float = 0.1
+    """That share later: where many evaluations have not found all minima, the deep ones count."""
+    late: int = 50_000
+    """Evaluations that are many."""
     together: int = 4
     """Descents that advance together: the kernel is faster in batches, but each knows fewer of the minima found."""
     test_starts: bool = False
@@ -55,12 +59,18 @@ class MlslSettings:
             ("evaluations", self.evaluations >= 10, "Give at least 10"),
             ("round", self.round >= 1, "Give at least 1"),
             ("start_share", 0 < self.start_share <= 1, "Give a share in (0, 1]"),
+            ("late_share", 0 < self.late_share <= 1, "Give a share in (0, 1]"),
+            ("late", self.late >= 0, "Give 0 or more"),
             ("together", self.together >= 1, "Give at least 1"),
             ("final_share", 0 <= self.final_share < 1, "Give a share in [0, 1)"),
             ("single_share", 0 <= self.single_share < 1, "Give a share in [0, 1)"),
             ("front_share", 0 <= self.front_share < 1, "Give a share in [0, 1)"),
         ]
         check_settings("search", self, checks)
+
+    def start_share_after(self, used: int) -> float:
+        """Better share of the points from which a descent may start after so many evaluations."""
+        return self.start_share if used < self.late else min(self.start_share, self.late_share)
 
     def reserved(self, objectives: int) -> int:
         """Evaluations that are not for the minima of the weighted mean."""

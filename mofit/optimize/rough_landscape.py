@@ -29,12 +29,12 @@ class RoughSettings:
     """Uniform points per parameter in the first round."""
     growth: float = 2.0
     """Of the sample from round to round: what the first rounds have not found is smaller."""
+    sample_share: float = 0.125
+    """The sample grows only while it takes less than this share of a round: many runs are worth more."""
     population_growth: float = 1.05
     """Of the population: larger ones pass over rougher structure (Auger and Hansen 2005), but take longer."""
     neighbours: float = 1.0
     """As in `SwarmSettings`, for the clusters of the sample."""
-    best: float = 1.0
-    """Better share of the clusters, from which runs start."""
     most: int = 128
     """Runs per round."""
     together: int = 600
@@ -52,8 +52,10 @@ class RoughSettings:
     near: float = 0.05
     """And within this distance; a run at the rim of a basin is wide."""
     attraction: float = 0.4
-    """A run is given up within this share of the distance from a known minimum that no run came within and then ended
-    elsewhere."""
+    """And where it comes nearer to one than this share of the least distance at which runs passed it: they are told
+    early, but not all of them."""
+    elsewhere: float = 0.1
+    """Runs, as a share of those that ended in a minimum, that may pass it nearer: their ends may be wrong."""
     merge: float = 1e-3
     """Ends this close are one minimum."""
     equal: float = 1e-6
@@ -66,7 +68,8 @@ class RoughSettings:
             ("sample", self.sample >= 8, "Give at least 8"),
             ("growth", self.growth >= 1, "Give 1 or more"),
             ("population_growth", self.population_growth >= 1, "Give 1 or more"),
-            ("best", 0 < self.best <= 1, "Give a share in (0, 1]"),
+            ("sample_share", 0 <= self.sample_share <= 1, "Give a share in [0, 1]"),
+            ("attraction", 0 <= self.attraction < 1, "Give a share in [0, 1)"),
             ("most", self.most >= 1, "Give at least 1"),
         ]
         check_settings("search", self, checks)
@@ -115,7 +118,6 @@ def search_rough(
     costs = archive.cost(log.values)
     worth = settings.equal * float(np.ptp(costs[np.isfinite(costs)]))
     deepest = _Deepest(d, worth, settings, float(costs.min()))
-    short, long = settings.steps
     size, population = float(settings.sample * d), float(default_population(d))
 
     def evaluate(points: FloatArray) -> FloatArray:
@@ -128,48 +130,50 @@ def search_rough(
         points = points[: len(cost)]
         if len(points) <= d + 1:
             break
-        centres, _ = cluster_centres(points, cost, SwarmSettings(neighbours=settings.neighbours))
-        centres = centres[~deepest.attracts(points[centres])]
-        starts = points[centres[: min(settings.most, max(4, int(settings.best * len(centres))))]]
-        spacing = float(np.median(cKDTree(points).query(points, k=min(6, len(points)))[0][:, 1:].mean(axis=1)))
+        starts, steps = _starts(points, cost, deepest, rng)
         batch = max(4, min(settings.most, settings.together // int(population)))
         for first in range(0, len(starts), batch):
             if log.left == 0:
                 break
-            some = starts[first : first + batch]
-            steps = spacing / d**0.5 * np.exp(rng.uniform(np.log(short), np.log(long), len(some)))
-            deepest.add(adapt(evaluate, some, steps, rng, int(population), deepest.stop))
-        if log.used - before > 8 * len(points):
+            some = slice(first, first + batch)
+            deepest.add(adapt(evaluate, starts[some], steps[some], rng, int(population), deepest.stop))
+        if settings.sample_share * (log.used - before) > len(points):
             size *= settings.growth
         population *= settings.population_growth
     return deepest.archive(log, archive, found_by)
 
 
-def _distances(points: FloatArray, others: FloatArray) -> FloatArray:
-    """Between all pairs, shape (n, m)."""
-    return np.asarray(cdist(points, others))
+def _starts(
+    points: FloatArray, cost: FloatArray, deepest: _Deepest, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Centres of the clusters of a sample that no known minimum attracts, best first, and the first steps there."""
+    settings, d = deepest.settings, points.shape[1]
+    centres, _ = cluster_centres(points, cost, SwarmSettings(neighbours=settings.neighbours))
+    starts = points[centres]
+    starts = starts[~deepest.attracts(starts)][: settings.most]
+    spacing = float(np.median(cKDTree(points).query(points, k=min(6, len(points)))[0][:, 1:].mean(axis=1)))
+    short, long = np.log(settings.steps)
+    return starts, spacing / d**0.5 * np.exp(rng.uniform(short, long, len(starts)))
 
 
 class _Deepest:
-    """The deepest minima so far, and the paths of the runs that tell how far each of them attracts."""
+    """The deepest minima so far, and the paths of the runs, which tell how far each minimum attracts."""
 
     def __init__(self, d: int, worth: float, settings: RoughSettings, best: float) -> None:
-        self.points, self.cost = np.empty((0, d)), np.empty(0)
-        self.radius = np.empty(0)
-        """A run that comes this close to a minimum is taken to end there."""
+        self.points, self.cost, self.radii = np.empty((0, d)), np.empty(0), np.empty(0)
         self.worth, self.best, self.settings = worth, best, settings
         self._means: list[FloatArray] = []
         self._ends = np.empty((0, d))
+        """Where each of the present runs ended: nan for no minimum, infinite while it is not known."""
         self._paths: list[tuple[FloatArray, FloatArray]] = []
+        """Means, shape (generation, run, d), nan when the run was over, and ends of earlier runs."""
 
     def attracts(self, points: FloatArray) -> NDArray[np.bool_]:
         """Which points lie where a known minimum attracts."""
-        if len(self.points) == 0:
-            return np.zeros(len(points), dtype=bool)
-        return np.asarray(np.any(_distances(points, self.points) < self.radius, axis=1))
+        return np.asarray(np.any(cdist(points, self.points) < self.radii, axis=1))
 
     def stop(self, runs: Runs) -> NDArray[np.bool_]:
-        """Which runs to give up."""
+        """Which runs to give up: they cannot come as deep as the best, or end where a better run or a minimum is."""
         s, d = self.settings, self.points.shape[1]
         if not self._means:
             self._ends = np.full_like(runs.mean, np.inf)
@@ -179,21 +183,15 @@ class _Deepest:
         hopeless = contracted & (s.hopeless * runs.spread < runs.cost - best - self.worth)
         wide = s.known * d**0.5 * runs.size
         reach = np.where(runs.size < 2 * s.contracted * runs.first_step, np.minimum(wide, s.near), 0.0)
-        ahead = (runs.cost < runs.cost[:, None]) & (runs.active | runs.converged) & (reach > 0)
-        met = np.any(ahead & (_distances(runs.mean, runs.mean) < reach[:, None]), axis=1)
-        known = np.zeros_like(met)
-        if len(self.points):
-            gap = _distances(runs.mean, self.points)
-            known = np.any(gap < np.maximum(self.radius, reach[:, None]), axis=1)
-            near = self.points[gap.argmin(axis=1)]
-            at_known = known | (hopeless & (gap.min(axis=1) < wide))
-            ended = runs.active & at_known
-            self._ends[ended] = near[ended]
-            hopeless_there = hopeless & at_known
-        else:
-            hopeless_there = np.zeros_like(met)
-        lost = runs.active & hopeless & ~known & ~met & ~hopeless_there
-        self._ends[lost] = np.nan
+        better = (runs.cost < runs.cost[:, None]) & (runs.active | runs.converged) & (reach > 0)
+        met = np.any(better & (cdist(runs.mean, runs.mean) < reach[:, None]), axis=1)
+        self._ends[runs.active & hopeless & ~met] = np.nan
+        if len(self.points) == 0:
+            return np.asarray(hopeless | met)
+        gap = cdist(runs.mean, self.points)
+        known = np.any(gap < np.maximum(self.radii, reach[:, None]), axis=1)
+        there = runs.active & (known | (hopeless & (gap.min(axis=1) < wide)))
+        self._ends[there] = self.points[gap.argmin(axis=1)[there]]
         return np.asarray(hopeless | met | known)
 
     def add(self, runs: Runs) -> None:
@@ -208,27 +206,24 @@ class _Deepest:
             if all(np.linalg.norm(points[k] - points[j]) > self.settings.merge for j in kept):
                 kept.append(int(k))
         self.points, self.cost = points[kept], cost[kept]
-        self._ends[runs.converged] = runs.points[runs.converged]
-        told = ~np.isinf(self._ends[:, 0])
-        if told.any() and self._means:
+        if self._means:
+            self._ends[runs.converged] = runs.points[runs.converged]
+            told = ~np.isinf(self._ends[:, 0])
             self._paths.append((np.array(self._means)[:, told], self._ends[told]))
-        self._means = []
-        self.radius = self._radii(); import os; os.environ.get("DBG") and print("radii",np.round(self.radius*10,2), "attracted", self.attracts(np.random.default_rng(0).random((1000,self.points.shape[1]))).mean(), np.round(_distances(self.points,self.points)*10,1)[0])
+            self._means = []
+        self.radii = np.array([self._radius(point) for point in self.points])
 
-    def _radii(self) -> FloatArray:
-        """How close runs came to each minimum that ended elsewhere; a share of that."""
-        radii = np.zeros(len(self.points))
-        for k, point in enumerate(self.points):
-            closest, here = [], 0
-            for path, ends in self._paths:
-                other = ~(np.linalg.norm(ends - point, axis=1) < self.settings.merge)
-                here += np.count_nonzero(~other)
-                if other.any():
-                    closest.append(np.nanmin(np.linalg.norm(path[:, other] - point, axis=2), axis=0))
-            if closest:
-                apart = np.sort(np.concatenate(closest))
-                radii[k] = self.settings.attraction * apart[min(here // 10, len(apart) - 1)]
-        return radii
+    def _radius(self, point: FloatArray) -> float:
+        """Distance from a minimum within which a run is taken to end there; 0 if none ended elsewhere."""
+        closest, here = [np.empty(0)], 0
+        for path, ends in self._paths:
+            other = ~(np.linalg.norm(ends - point, axis=1) < self.settings.merge)
+            here += int(np.count_nonzero(~other))
+            if other.any():
+                closest.append(np.nanmin(np.linalg.norm(path[:, other] - point, axis=2), axis=0))
+        apart = np.sort(np.concatenate(closest))
+        few = min(int(self.settings.elsewhere * here), len(apart) - 1)
+        return self.settings.attraction * float(apart[few]) if len(apart) else 0.0
 
     def archive(self, log: EvaluationLog, old: MinimaArchive, found_by: str) -> MinimaArchive:
         """As an archive of rows of the log."""

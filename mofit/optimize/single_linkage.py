@@ -89,7 +89,8 @@ class SingleLinkage:
     def descend(self, archive: MinimaArchive, rows: Indices, found_by: str, most: int | None = None) -> None:
         """Descend from the points that single linkage chooses among the rows: all of them, or the ``most`` best."""
         points, cost = self.log.points[rows], archive.cost(self.log.values[rows])
-        starts = rows[linked_starts(points, cost, self.settings.start_share)]
+        share = self.settings.start_share_after(self.log.used)
+        starts = rows[linked_starts(points, cost, share)]
         self.descend_from(archive, starts, interquartile_range(cost), found_by, most)
 
     def descend_from(
@@ -136,7 +137,7 @@ class SingleLinkage:
             self.draw(settings.round)
         while True:
             self.descend(self.mean, self.sample, found_by)
-            counted = int(settings.start_share * len(self.sample))
+            counted = int(settings.start_share_after(log.used) * len(self.sample))
             self.undiscovered = expected_undiscovered(counted, len(self.mean.ends))
             self.note()
             if self.is_complete or log.left == 0:
