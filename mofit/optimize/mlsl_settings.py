@@ -21,7 +21,10 @@ class MlslSettings:
     start_share: float = 0.5
     """Better share of the points from which a descent may start."""
     late_share: float = 0.1
-    """That share later: where many evaluations have not found all minima, the deep ones count."""
+    """That share later, or the share of minima that are deep, if it is more: where many evaluations have not found all
+    minima, the deep ones count."""
+    deep: float = 0.1
+    """Minima less than this share of the cost's range above the best are deep."""
     late: int = 50_000
     """Evaluations that are many."""
     together: int = 4
@@ -68,9 +71,9 @@ class MlslSettings:
         ]
         check_settings("search", self, checks)
 
-    def start_share_after(self, used: int) -> float:
-        """Better share of the points from which a descent may start after so many evaluations."""
-        return self.start_share if used < self.late else min(self.start_share, self.late_share)
+    def start_share_after(self, used: int, deep: float) -> float:
+        """Share of the points that may start a descent, after so many evaluations and with a share of deep minima."""
+        return self.start_share if used < self.late else min(self.start_share, max(self.late_share, deep))
 
     def reserved(self, objectives: int) -> int:
         """Evaluations that are not for the minima of the weighted mean."""
