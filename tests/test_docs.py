@@ -112,6 +112,7 @@ def test_numbers_of_the_method_are_those_of_the_code() -> None:
         r"the $\ln n$ nearest",
         f"The budget is {completion.evaluations:,} evaluations",
         f"falls below {completion.undiscovered:g}",
+        f"After {completion.late:,} evaluations only the better tenth",
         f"at least {search.rough.least:,} evaluations per parameter",
         f"at most {completion.single_most} evaluations. At most {completion.front_most} more",
         f"longer than {sampling.tau_multiple:g} autocorrelation times",

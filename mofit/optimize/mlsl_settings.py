@@ -20,6 +20,13 @@ class MlslSettings:
     """Sobol points per round, or a twentieth of all so far, if that is more; a power of 2 fills the box evenly."""
     start_share: float = 0.5
     """Better share of the points from which a descent may start."""
+    late_share: float = 0.1
+    """That share later, or the share of minima that are deep, if it is more: where many evaluations have not found all
+    minima, the deep ones count."""
+    deep: float = 0.1
+    """Minima less than this share of the cost's range above the best are deep."""
+    late: int = 50_000
+    """Evaluations that are many."""
     together: int = 4
     """Descents that advance together: the kernel is faster in batches, but each knows fewer of the minima found."""
     test_starts: bool = False
@@ -55,12 +62,18 @@ class MlslSettings:
             ("evaluations", self.evaluations >= 10, "Give at least 10"),
             ("round", self.round >= 1, "Give at least 1"),
             ("start_share", 0 < self.start_share <= 1, "Give a share in (0, 1]"),
+            ("late_share", 0 < self.late_share <= 1, "Give a share in (0, 1]"),
+            ("late", self.late >= 0, "Give 0 or more"),
             ("together", self.together >= 1, "Give at least 1"),
             ("final_share", 0 <= self.final_share < 1, "Give a share in [0, 1)"),
             ("single_share", 0 <= self.single_share < 1, "Give a share in [0, 1)"),
             ("front_share", 0 <= self.front_share < 1, "Give a share in [0, 1)"),
         ]
         check_settings("search", self, checks)
+
+    def start_share_after(self, used: int, deep: float) -> float:
+        """Share of the points that may start a descent, after so many evaluations and with a share of deep minima."""
+        return self.start_share if used < self.late else min(self.start_share, max(self.late_share, deep))
 
     def reserved(self, objectives: int) -> int:
         """Evaluations that are not for the minima of the weighted mean."""

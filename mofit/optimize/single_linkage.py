@@ -89,7 +89,7 @@ class SingleLinkage:
     def descend(self, archive: MinimaArchive, rows: Indices, found_by: str, most: int | None = None) -> None:
         """Descend from the points that single linkage chooses among the rows: all of them, or the ``most`` best."""
         points, cost = self.log.points[rows], archive.cost(self.log.values[rows])
-        starts = rows[linked_starts(points, cost, self.settings.start_share)]
+        starts = rows[linked_starts(points, cost, self._start_share)]
         self.descend_from(archive, starts, interquartile_range(cost), found_by, most)
 
     def descend_from(
@@ -136,12 +136,22 @@ class SingleLinkage:
             self.draw(settings.round)
         while True:
             self.descend(self.mean, self.sample, found_by)
-            counted = int(settings.start_share * len(self.sample))
+            counted = int(self._start_share * len(self.sample))
             self.undiscovered = expected_undiscovered(counted, len(self.mean.ends))
             self.note()
             if self.is_complete or log.left == 0:
                 break
             self.draw(max(settings.round, len(self.sample) // 20))
+
+    @property
+    def _start_share(self) -> float:
+        """Better share of the points from which a descent may start now."""
+        settings, log, ends = self.settings, self.log, self.mean.ends
+        if log.used < settings.late or not ends:
+            return settings.start_share
+        cost = self.mean.cost(log.values)
+        limit = self.mean.best + settings.deep * float(np.ptp(cost[np.isfinite(cost)]))
+        return settings.start_share_after(log.used, float(np.mean([end.cost <= limit for end in ends])))
 
     @property
     def is_complete(self) -> bool:

@@ -147,3 +147,10 @@ def test_any_bowl_is_found_to_its_bottom(x, y, stretch):
     value, gradient = bowls(np.array([[x, y]]), np.array([1.0, stretch]))
     result = search(value, gradient, 2, np.random.default_rng(0), MlslSettings(evaluations=200))
     assert result.archived_points[0] == pytest.approx([x, y], abs=0.01)
+
+
+def test_after_many_evaluations_the_best_points_alone_start():
+    chosen = MlslSettings(start_share=1.0, late_share=0.1, late=50_000)
+    assert [chosen.start_share_after(used, 0.02) for used in (0, 49_999, 50_000)] == [1.0, 1.0, 0.1]
+    assert chosen.start_share_after(50_000, 0.8) == 0.8
+    assert MlslSettings(start_share=0.05).start_share_after(60_000, 0.5) == 0.05
