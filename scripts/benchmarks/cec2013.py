@@ -141,9 +141,10 @@ def run(
     code = _code()
     wanted = [
         {"function": function.number, "search": entry.name, "run": number, "seed": seed, "code": code}
+        for number in range(runs)  # what is there of an unfinished study is as many runs of every function
         for function in sorted(functions, key=lambda function: function.budget)  # the quick ones first
         for entry in entries
-        for number in range(min(runs, entry.runs))
+        if number < entry.runs
     ]
     done = _kept(kept, code)
     missing = [head for head in wanted if _key(head) not in done]
