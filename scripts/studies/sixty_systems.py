@@ -1,6 +1,7 @@
 """Is a green banner ever wrong? Sixty made-up systems with models of their own. Writes reports/robustness/systems.md.
 
-    python scripts/studies/sixty_systems.py [--seed 0] [--parallel 1] [--only NAME ...] [--work FOLDER] [--page FILE]
+    python scripts/studies/sixty_systems.py [--seed 0] [--parallel 1] [--limit 60] [--only NAME ...]
+                                            [--option ARGUMENT] [--work FOLDER] [--page FILE]
 
 Lags, RC circuits, tanks, thermal masses, motors, oscillators, friction, pendulums and Zener elements, with 2 to 8
 parameters and sizes over more than 12 decades. The truth is simulated by scipy, without code of mofit; the noise is
@@ -25,7 +26,7 @@ import mofit
 from report_page import ROOT
 from systems.design import cases
 from systems.page import page
-from systems.running import run
+from systems.running import LIMIT, run
 
 
 def code_digest(options: list[str]) -> str:
@@ -55,14 +56,15 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "sixty_systems")
     parser.add_argument("--page", type=Path, default=ROOT / "reports" / "robustness" / "systems.md")
     parser.add_argument("--option", action="append", default=[], help="one more argument of mofit identify; repeatable")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="s of wall time; longer on a busy machine")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
-    path = arguments.work / f"rows-{arguments.seed}-{code_digest(arguments.option)}.jsonl"
+    path = arguments.work / f"rows-{arguments.seed}-{code_digest([*arguments.option, f'{arguments.limit:g}'])}.jsonl"
     rows = kept_rows(path)
     wanted = [case for case in cases() if not arguments.only or case.name in arguments.only]
 
     def one(case) -> dict:
-        return run(case, arguments.seed, arguments.work, tuple(arguments.option))
+        return run(case, arguments.seed, arguments.work, tuple(arguments.option), arguments.limit)
 
     with ThreadPoolExecutor(arguments.parallel) as pool:
         for task in as_completed([pool.submit(one, case) for case in wanted if case.name not in rows]):

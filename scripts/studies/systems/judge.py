@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from systems.design import System
+from systems.design import VISIBLE, System
 
 #: Exit codes of a result: done, done but not to be trusted, done but not identifiable.
 RESULT_CODES = (0, 3, 4)
@@ -63,13 +63,14 @@ def judged(system: System, answer: dict[str, Any] | None, code: int | None) -> d
         }
     sure = {name: entry for name, entry in entries.items() if "identified" in entry["verdict"]}
     false = [name for name, entry in sure.items() if entry["undetermined"] or far(entry["away"])]
+    lacking = system.case.kind == "wrong" and system.misfit >= VISIBLE
     return {
         "green": told["green"],
         "warnings": told["warnings"],
         "modes": len(told["modes"]),
         "parameters": entries,
         "false": false,
-        "green_but_wrong": told["green"] and bool(false or system.case.kind == "wrong"),
+        "green_but_wrong": told["green"] and bool(false or lacking),
     }
 
 

@@ -255,7 +255,7 @@ ZENER = Family(
     flaws={"second branch": "k_2"},
     ridges=(
         Split("k", "sum"),
-        Loose("branch too fast for the tests", ("k_1", "tau", "d"), change=too_fast),
+        Loose("branch too fast for the tests", ("k_1", "tau"), change=too_fast),
     ),
     stepped=False,
 )

@@ -22,7 +22,7 @@ LIMIT = 60.0
 PAUSE = 0.05
 
 
-def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = ()) -> dict[str, Any]:
+def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = (), limit: float = LIMIT) -> dict[str, Any]:
     """A system's row: what was said and what was true.
 
     Parameters
@@ -35,6 +35,8 @@ def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = ()) -> dic
         Folder that keeps model, campaign, result and what was printed.
     options
         More options of ``mofit identify``.
+    limit
+        Seconds of wall time.
     """
     system = make(case, seed)
     folder = work / f"seed_{seed}" / case.name
@@ -43,7 +45,7 @@ def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = ()) -> dic
     for left in folder.glob("run*"):
         shutil.rmtree(left)
     command = [sys.executable, "-m", "mofit", "identify", str(campaign), "--model", model, "--out", str(out)]
-    code, seconds, cpu = limited([*command, "--seed", str(seed), "--jobs", "1", "--json", *options], folder)
+    code, seconds, cpu = limited([*command, "--seed", str(seed), "--jobs", "1", "--json", *options], folder, limit)
     answer = answer_of(folder / "answer.json")
     found = judged(system, answer, code)
     return {
@@ -63,7 +65,7 @@ def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = ()) -> dic
     }
 
 
-def limited(command: list[str], folder: Path) -> tuple[int | None, float, float]:
+def limited(command: list[str], folder: Path, limit: float) -> tuple[int | None, float, float]:
     """Run a command; what it prints goes to files.
 
     Returns
@@ -83,7 +85,7 @@ def limited(command: list[str], folder: Path) -> tuple[int | None, float, float]
         if ended:
             process.returncode = os.waitstatus_to_exitcode(status)
             return None if late else process.returncode, seconds, usage.ru_utime + usage.ru_stime
-        if seconds > LIMIT and not late:
+        if seconds > limit and not late:
             late = True
             os.killpg(process.pid, signal.SIGKILL)
         time.sleep(PAUSE)
