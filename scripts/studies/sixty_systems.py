@@ -9,7 +9,8 @@ white, 0.3 to 3 % of the range. Each system has a model file as a user writes it
 something that the data show: it is made stronger until the model misses by the noise. Twenty have a ridge:
 parameters that act only together, or one that the tests do not touch. In one of six, a box does not hold the truth.
 
-`mofit identify` has 60 s for each. It is wrong if it is green (exit code 0, no warning) and calls a parameter
+`mofit identify` has 60 s of one processor for each; `--limit` is the wall time after which it is ended, and may be
+longer where others use the machine. It is wrong if it is green (exit code 0, no warning) and calls a parameter
 identified whose true value is outside of the 99.9 % interval or which the data do not determine, or if the model is
 wrong. Expected misfit and spread come from the linearised truth. Rows that the work folder holds already are kept.
 """

@@ -13,6 +13,7 @@ COLUMNS = (
     "model",
     "misfit / noise",
     "s",
+    "s of processor",
     "exit code",
     "said: identified",
     "said: other verdict",
@@ -27,7 +28,7 @@ COLUMNS = (
 
 def page(rows: list[dict[str, Any]], seed: int, doc: str | None) -> list[str]:
     """The page as Markdown lines."""
-    ended = sum(row["ended"] and row["seconds"] <= LIMIT for row in rows)
+    ended = sum(row["ended"] and row["cpu_seconds"] <= LIMIT for row in rows)
     wrong, green = sum(row["green_but_wrong"] for row in rows), sum(row["green"] for row in rows)
     (held, counted), sound = coverage(rows), [row for row in rows if row["kind"] == "right" and not row["narrow"]]
     share = f"{100 * held / counted:.0f} % ({held} of {counted})" if counted else "not counted"
@@ -60,7 +61,8 @@ def cells(row: dict[str, Any]) -> list[str]:
         about,
         f"{row['misfit']:.1f}" if row["kind"] == "wrong" else "",
         f"{row['seconds']:.0f}",
-        f"time is up ({row['cpu_seconds']:.0f} s of processor)" if row["code"] is None else str(row["code"]),
+        f"{row['cpu_seconds']:.0f}",
+        "time is up" if row["code"] is None else str(row["code"]),
         ", ".join(sure),
         ", ".join(others),
         warned,
