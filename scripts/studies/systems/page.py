@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from report_page import header, made_with, table
-from systems.judge import coverage, far
+from systems.judge import NINETY, coverage, far
 from systems.running import LIMIT
 
 COLUMNS = (
@@ -50,7 +50,7 @@ def cells(row: dict[str, Any]) -> list[str]:
         f"{name}: {entry['verdict'][0]}" for name, entry in entries.items() if entry["verdict"] and name not in sure
     ]
     outside = [name for name, entry in entries.items() if far(entry["away"])]
-    held = [entry["away"] <= 1.645 for entry in entries.values() if entry["away"] is not None]
+    held = [entry["away"] <= NINETY for entry in entries.values() if entry["away"] is not None]
     beyond = [name for name, entry in entries.items() if entry["outside"]]
     about = row["label"] or "right"
     if beyond:
