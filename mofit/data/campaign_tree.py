@@ -43,7 +43,11 @@ def measurement_issues(measurement: Measurement) -> list[Issue]:
     names = [name for group in channels.values() for name in group]
     issues += channel_name_issues(where, names, experiment.conditions)
     issues += [
-        Issue(f"{where}, variable '{shown(name)}', attribute 'units'", "missing", f"Add it, e.g. '{known_unit(name) or '1'}'")
+        Issue(
+            f"{where}, variable '{shown(name)}', attribute 'units'",
+            "missing",
+            f"Add it, e.g. '{known_unit(name) or '1'}'",
+        )
         for name in names
         if name not in measurement.units
     ]

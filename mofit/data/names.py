@@ -20,9 +20,7 @@ _SHOWN = 40
 def name_issues(where: str, what: str, names: Iterable[str]) -> list[Issue]:
     """An issue for every name that netCDF cannot hold as a group or variable; ``what`` says what they name."""
     hint = "Rename it: letters, digits, spaces and any signs but '/' behind a first letter or digit"
-    return [
-        Issue(where, f"the {what} name '{shown(name)}' {fault}", hint) for name in names if (fault := _fault(name))
-    ]
+    return [Issue(where, f"the {what} name '{shown(name)}' {fault}", hint) for name in names if (fault := _fault(name))]
 
 
 def channel_name_issues(where: str, channels: Iterable[str], conditions: Iterable[str]) -> list[Issue]:
