@@ -24,9 +24,11 @@ def check(file: Path, /, *, as_json: Json = False) -> int:
     """
     from dataclasses import asdict
 
+    from mofit.cli.output import progress_bar
     from mofit.data import check_campaign
 
-    issues = check_campaign(file)
+    with progress_bar() as progress:
+        issues = check_campaign(file, progress)
     if as_json:
         print_json({"schema": "mofit.check/1", "issues": [asdict(issue) for issue in issues]})
     else:

@@ -58,7 +58,7 @@ def _fault(name: str) -> str:
         return f"holds {wrong}"
     if "/" in name:
         return "holds '/', which would make a group inside a group"
-    if not (name[0].isascii() and name[0].isalnum() or name[0] == "_" or ord(name[0]) > 127) or name[0].isspace():
+    if not ((name[0].isascii() and name[0].isalnum()) or name[0] == "_" or ord(name[0]) > 127) or name[0].isspace():
         return f"begins with '{name[0]}'"
     if name[-1].isspace():
         return "ends with a space"
