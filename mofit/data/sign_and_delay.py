@@ -51,10 +51,12 @@ class PhaseLimits:
     """Tests of different frequency that show how the phase grows."""
     linear: float = 0.9
     """Share of the variance of the excess that must grow with the frequency."""
-    steepest: float = 1.2
-    """Power of the frequency with which the gain may change; beyond, between few tests, its slope is not known."""
+    steepest: float = 1.0
+    """Power of the frequency with which the gain may change, and change of it; beyond, few tests do not tell it."""
     steady: float = 0.4
     """Change of the delay when one test is left out."""
+    seen: float = 0.4
+    """Share of the delay that the phase shows by itself."""
     inertia: float = 1.3
     """Power of the frequency from which the gain may be that of a mass, whose force is opposite to the motion."""
     correlated: float = 0.7
@@ -117,8 +119,23 @@ def _turned(group: Sequence[Response]) -> list[Response]:
         against = [one for one in group if abs(_degrees(one)) >= 90 and not _driven_by_inertia(one)]
         if len(against) == len(group) and _growth(group) < LIMITS.inertia:
             return list(group)
-    backward = [one for one in group if _TOGETHER.get(pair) and -180 + LIMITS.lag < _degrees(one) < -90]
-    return backward + [one for one in _against_neighbours(group) if one not in backward]
+        found = [one for one in against if _without_mass(one, group) or _backward(one)]
+    else:
+        found = []
+    return found + [one for one in _against_neighbours(group) if one not in found]
+
+
+def _backward(one: Response) -> bool:
+    """Whether the specimen gives power to the rig, with a force against the motion."""
+    return _TOGETHER[one.input, one.output] and -180 + LIMITS.lag < _degrees(one) < -90
+
+
+def _without_mass(one: Response, group: Sequence[Response]) -> bool:
+    """Whether no mass explains a force against the motion: it would act at higher frequencies, and change the gain."""
+    along = [other for other in group if abs(_degrees(other)) < LIMITS.alike]
+    return abs(_degrees(one)) >= LIMITS.opposite and any(
+        other.frequency > one.frequency or max(one.gain / other.gain, other.gain / one.gain) < 1.2 for other in along
+    )
 
 
 def _driven_by_inertia(one: Response) -> bool:
@@ -162,7 +179,7 @@ def _delay(group: Sequence[Response]) -> float | None:
         ([o for o in group if one.amplitude <= 1.2 * o.amplitude <= 1.44 * one.amplitude] for one in group), key=len
     )
     frequency, phase, slope = _gain_and_phase(alike)
-    if len(frequency) < LIMITS.fewest or np.max(np.abs(slope)) > LIMITS.steepest:
+    if len(frequency) < LIMITS.fewest or max(np.ptp(slope), np.max(np.abs(slope))) > LIMITS.steepest:
         return None
     omega, excess = 2 * np.pi * frequency, np.degrees(phase) - 90 * slope
     rate, start = np.polyfit(omega, excess, 1)
@@ -170,6 +187,8 @@ def _delay(group: Sequence[Response]) -> float | None:
     # a delay does not hang on the lowest or the highest test; a resonance that begins there does
     others = [np.polyfit(omega[part], excess[part], 1)[0] for part in (slice(1, None), slice(None, -1))]
     steady = all(abs(other - rate) <= LIMITS.steady * abs(rate) for other in others)
+    # near a resonance the gain alone turns
+    steady &= np.polyfit(omega, np.degrees(phase), 1)[0] / rate >= LIMITS.seen
     large = abs(rate) * omega[-1] >= LIMITS.delay and abs(start) <= LIMITS.delay
     return float(-np.radians(rate)) if large and steady and left <= 1 - LIMITS.linear else None
 
