@@ -49,7 +49,7 @@ class PhaseLimits:
     """Excess at the highest frequency: gain and phase belong together to about half of that where tests are few."""
     fewest: int = 3
     """Tests of different frequency that show how the phase grows."""
-    linear: float = 0.9
+    linear: float = 0.95
     """Share of the variance of the excess that must grow with the frequency."""
     steepest: float = 1.0
     """Power of the frequency with which the gain may change, and change of it; beyond, few tests do not tell it."""
