@@ -55,7 +55,9 @@ class PhaseLimits:
     """Power of the frequency with which the gain may change, and change of it; beyond, few tests do not tell it."""
     steady: float = 0.4
     """Change of the delay when one test is left out."""
-    seen: float = 0.4
+    level: float = 0.1
+    """Power of the frequency up to which a gain counts as constant."""
+    seen: float = 0.25
     """Share of the delay that the phase shows by itself."""
     inertia: float = 1.3
     """Power of the frequency from which the gain may be that of a mass, whose force is opposite to the motion."""
@@ -187,7 +189,9 @@ def _delay(group: Sequence[Response]) -> float | None:
     # a delay does not hang on the lowest or the highest test; a resonance that begins there does
     others = [np.polyfit(omega[part], excess[part], 1)[0] for part in (slice(1, None), slice(None, -1))]
     steady = all(abs(other - rate) <= LIMITS.steady * abs(rate) for other in others)
-    # near a resonance the gain alone turns
+    # before a zero the gain falls while the phase rises, before a resonance it rises while the phase falls
+    passive = _TOGETHER.get((group[0].input, group[0].output), False)
+    steady &= bool(np.min(slope) > -LIMITS.level if rate > 0 else passive or np.max(slope) < LIMITS.level)
     steady &= np.polyfit(omega, np.degrees(phase), 1)[0] / rate >= LIMITS.seen
     large = abs(rate) * omega[-1] >= LIMITS.delay and abs(start) <= LIMITS.delay
     return float(-np.radians(rate)) if large and steady and left <= 1 - LIMITS.linear else None
