@@ -21,7 +21,16 @@ from mofit.report.overlay import Overlay, extract_overlays, output_unit
 from mofit.report.run import Mode, Run
 from mofit.report.search_map import draw_search, extract_search
 from mofit.report.signals import draw_loop, draw_trace
-from mofit.report.toolkit.figures import FLOOR, MEASURED, band_key, baseline_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.figures import (
+    FLOOR,
+    MEASURED,
+    as_written,
+    band_key,
+    baseline_key,
+    dot_key,
+    line_key,
+    mode_colour,
+)
 from mofit.report.toolkit.formatting import display_unit, parameter_label
 
 
@@ -162,4 +171,5 @@ def _modes(run: Run) -> list[Line2D]:
 
 def _with_legend(ax: Axes, handles: list[Line2D]) -> Axes:
     ax.legend(handles=handles, fontsize="small")
+    as_written(ax)
     return ax

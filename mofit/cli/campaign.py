@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json
+from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json, say
 
 if TYPE_CHECKING:
     from mofit.data import Campaign
+    from mofit.errors import Issue
 
 
 @app.command
@@ -24,9 +26,11 @@ def check(file: Path, /, *, as_json: Json = False) -> int:
     """
     from dataclasses import asdict
 
+    from mofit.cli.output import progress_bar
     from mofit.data import check_campaign
 
-    issues = check_campaign(file)
+    with progress_bar() as progress:
+        issues = check_campaign(file, progress)
     if as_json:
         print_json({"schema": "mofit.check/1", "issues": [asdict(issue) for issue in issues]})
     else:
@@ -69,13 +73,16 @@ app.command(
 )
 
 
-def report_campaign(campaign: Campaign, target: Path, as_json: bool) -> int:
-    """Print what a new campaign file holds."""
+def report_campaign(campaign: Campaign, target: Path, as_json: bool, warnings: Sequence[Issue] = ()) -> int:
+    """Print what a new campaign file holds, and what is wrong with its data."""
+    from dataclasses import asdict
+
     from mofit.data import overview
 
     rows = [overview(measurement) for measurement in campaign.measurements]
     if as_json:
-        print_json({"file": str(target), "source": campaign.source, "tests": rows})
+        issues = [asdict(issue) for issue in warnings]
+        print_json({"file": str(target), "source": campaign.source, "tests": rows, "issues": issues})
         return DONE
     print(f"{target}: {campaign.title} ({campaign.source}), {len(rows)} tests")
     for row in rows:
@@ -88,4 +95,6 @@ def report_campaign(campaign: Campaign, target: Path, as_json: bool) -> int:
             print(f"    {channel['role']} {name}: {low:.4g} to {high:.4g} {channel['unit']}")
         if row["conditions"]:
             print("    " + ", ".join(f"{name} {value:.5g}" for name, value in row["conditions"].items()) + " (SI)")
+    for issue in warnings:
+        say(f"{issue.severity}: {issue}")
     return DONE

@@ -36,7 +36,8 @@ def import_(
         Campaign file to write. By default the map's name with .nc. With --guess: map file to write, by default
         standard output.
     """
-    from mofit.data import import_files, propose_map, write_campaign
+    from mofit.cli.output import progress_bar
+    from mofit.data import campaign_warnings, import_files, propose_map, write_campaign
 
     if guess == (map is not None):
         hint = "Give --map MAP.toml to import, or --guess for a proposed map"
@@ -46,7 +47,9 @@ def import_(
     target = new_file(out or Path(map.with_suffix(".nc").name))
     campaign = import_files(sources, map)
     write_campaign(campaign, target)
-    return report_campaign(campaign, target, as_json)
+    with progress_bar() as progress:
+        warnings = campaign_warnings(campaign, progress)
+    return report_campaign(campaign, target, as_json, warnings)
 
 
 def _report_map(text: str, target: Path | None, as_json: bool) -> int:

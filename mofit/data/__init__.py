@@ -10,13 +10,14 @@ if TYPE_CHECKING:
     from mofit.data.campaign_file import bundled_campaign, read_campaign, write_campaign
     from mofit.data.importers.importer import import_files
     from mofit.data.importers.map_proposal import propose_map
-    from mofit.data.quality import check_campaign
+    from mofit.data.quality import campaign_warnings, check_campaign
 
 __all__ = [
     "Campaign",
     "Experiment",
     "Measurement",
     "bundled_campaign",
+    "campaign_warnings",
     "check_campaign",
     "import_files",
     "overview",
@@ -28,6 +29,7 @@ __all__ = [
 #: modules of the names, which are imported at first use: the process that reads a binary file needs none
 _HOMES = {
     "bundled_campaign": "campaign_file",
+    "campaign_warnings": "quality",
     "check_campaign": "quality",
     "import_files": "importers.importer",
     "propose_map": "importers.map_proposal",

@@ -12,18 +12,18 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data.campaign import Campaign, Experiment, Measurement
+from mofit.data.campaign_tree import NUMBERS, SCHEMA, campaign_issues, campaign_tree
+from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.data.validation import channel_issues, experiment_issues
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.quantities import CHANNELS, EXCITATION_KINDS, INTERPOLATIONS, PERIODIC_EXCITATIONS, known_unit, title_of
+from mofit.quantities import CHANNELS, EXCITATION_KINDS, INTERPOLATIONS, PERIODIC_EXCITATIONS, known_unit
 from mofit.runtime.files import read_tree, write_tree
 from mofit.units import UnitError, si_unit, to_si
 
-SCHEMA = "mofit.campaign/1"
 BUNDLED = "paper_campaign.nc"
 _HERE = Path(__file__).resolve().parent
 #: A wheel carries the bundled file beside this module; in a checkout it is in ``data/`` beside the package.
 PLACES = (_HERE, _HERE.parents[1] / "data")
-_NUMBERS = ("frequency", "amplitude", "start_time", "transient")
 _NOT_FREE_TEXT = ("schema", "title", "source")
 
 
@@ -90,12 +90,14 @@ def write_campaign(campaign: Campaign, path: str | Path) -> None:
     Raises
     ------
     InputError
-        If the folder is not there or cannot be written to.
+        If the folder is not there or cannot be written to, or with every error for which the file would be refused when
+        it is read: names and titles that it cannot hold, samples that are not finite, constant channels.
     """
     path = Path(path)
     if not os.access(path.parent, os.W_OK):
         raise InputError.of(f"file '{path}'", "its folder is not there or not writable", "Name another folder")
-    write_tree(_tree(campaign), path, level=4)
+    raise_errors(campaign_issues(campaign))
+    write_tree(campaign_tree(campaign), path, level=4)
 
 
 def _open(path: Path) -> tuple[xr.DataTree | None, list[Issue]]:
@@ -113,6 +115,7 @@ def _open(path: Path) -> tuple[xr.DataTree | None, list[Issue]]:
         return None, [Issue("root, attribute 'schema'", f"unknown schema '{schema}'", hint)]
     if not tree.attrs.get("title"):
         issues.append(Issue("root, attribute 'title'", "missing", "Describe in a few words what was tested", "warning"))
+    issues += title_issues("root, attribute 'title'", str(tree.attrs.get("title", "")))
     source = tree.attrs.get("source")
     if source not in ("measured", "simulated"):
         what = "missing" if source is None else f"is '{source}'"
@@ -128,15 +131,16 @@ def _open(path: Path) -> tuple[xr.DataTree | None, list[Issue]]:
 def _measurement(
     name: str, group: xr.DataTree, conditions: Mapping[str, float]
 ) -> tuple[Measurement | None, list[Issue]]:
-    where = f"group '{name}'"
+    where = f"group '{shown(name)}'"
     data = group.to_dataset(inherit=False)
-    issues = [
+    issues = name_issues(where, "test", [name])
+    issues += [
         Issue(where, f"the group '{child}' inside it is not read", "Put every test in a group of its own", "warning")
         for child in group.children
     ]
     if "time" not in data.variables:
         return None, [*issues, Issue(where, "no variable 'time'", "Add the time of every sample in s")]
-    numbers = {key: _number(where, key, group.attrs, issues) for key in _NUMBERS}
+    numbers = {key: _number(where, key, group.attrs, issues) for key in NUMBERS}
     gaps = _number(where, "gaps", group.attrs, issues)
     kind = _choice(where, "procedure", group.attrs.get("procedure"), EXCITATION_KINDS, issues)
     interpolation = _choice(where, "interpolation", group.attrs.get("interpolation", ""), ("", *INTERPOLATIONS), issues)
@@ -146,6 +150,7 @@ def _measurement(
     time, _ = _in_si(where, data["time"], issues) or (None, "s")
     channel_problems: list[Issue] = []
     channels, units = _channels(where, data, channel_problems)
+    issues += channel_name_issues(where, [*channels["input"], *channels["output"]], conditions)
     issues += channel_problems
     if time is None:
         issues += channel_issues(where, kind, channels)
@@ -245,33 +250,3 @@ def _number(where: str, key: str, attributes: Mapping[Any, Any], issues: list[Is
     what = f"'{attributes[key]}' is no finite number"
     issues.append(Issue(f"{where}, attribute '{key}'", what, "Give a number in SI units"))
     return None
-
-
-def _tree(campaign: Campaign) -> xr.DataTree:
-    extra = {k: v if isinstance(v, str | int | float) else str(v) for k, v in campaign.attributes.items()}
-    attributes = {**extra, "schema": SCHEMA, "title": campaign.title, "source": campaign.source}
-    groups = {"/": xr.Dataset(_scalars(campaign.conditions, campaign.units), attrs=attributes)}
-    for measurement in campaign.measurements:
-        experiment = measurement.experiment
-        variables: dict[str, Any] = {}
-        for role, channels in (("input", experiment.inputs), ("output", measurement.outputs)):
-            for name, values in channels.items():
-                about = {"units": measurement.units[name], "role": role, "long_name": title_of(name)}
-                variables[name] = ("time", values, about)
-        own = {name: v for name, v in experiment.conditions.items() if campaign.conditions.get(name) != v}
-        numbers = {key: getattr(experiment, key) for key in _NUMBERS}
-        groups[f"/{experiment.name}"] = xr.Dataset(
-            {**variables, **_scalars(own, campaign.units)},
-            coords={"time": ("time", experiment.time, {"units": "s", "long_name": "time"})},
-            attrs={"procedure": experiment.kind, "interpolation": experiment.interpolation}
-            | {key: value for key, value in numbers.items() if value is not None}
-            | ({"gaps": measurement.gaps} if measurement.gaps else {}),
-        )
-    return xr.DataTree.from_dict(groups)
-
-
-def _scalars(conditions: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Any]:
-    return {
-        name: ((), float(value), {"units": units.get(name) or known_unit(name) or "1", "long_name": title_of(name)})
-        for name, value in conditions.items()
-    }

@@ -12,10 +12,15 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data.campaign import Campaign, Measurement
 from mofit.data.campaign_file import load
+from mofit.data.copies import copy_issues
+from mofit.data.likely_causes import frequency_cause, size_issues
+from mofit.data.response import responses
+from mofit.data.sign_and_delay import sign_and_delay_issues
 from mofit.data.signals import SignalAnalysis, analyse, steady_samples
 from mofit.data.signals.smoothing import quantisation_step
 from mofit.errors import Issue
 from mofit.quantities import EXPECTED_CONDITIONS, PERIODIC_EXCITATIONS
+from mofit.runtime.progress import Progress, silent
 
 
 @dataclass(frozen=True)
@@ -45,14 +50,28 @@ class QualityLimits:
 LIMITS = QualityLimits()
 
 
-def check_campaign(path: str | Path) -> list[Issue]:
+def check_campaign(path: str | Path, progress: Progress = silent) -> list[Issue]:
     """Every issue of a campaign file: errors first, then warnings. An empty list means that there is none."""
+    progress("read", 0, 0, "")
     campaign, issues = load(path)
     if campaign is not None:
-        for measurement in campaign.measurements:
-            issues += quality_warnings(measurement)
-        issues += _across(campaign)
+        issues += campaign_warnings(campaign, progress)
     return sorted(issues, key=lambda issue: issue.severity != "error")
+
+
+def campaign_warnings(campaign: Campaign, progress: Progress = silent) -> list[Issue]:
+    """Data-quality warnings about the tests of a campaign, one by one and beside each other."""
+    issues, analyses, count = [], {}, len(campaign.measurements)
+    for done, measurement in enumerate(campaign.measurements):
+        progress("check", done, count, measurement.name)
+        analyses[measurement.name] = analyse(measurement)
+        issues += quality_warnings(measurement)
+    progress("compare", 0, 1, "the tests with each other")
+    issues += size_issues(campaign.measurements)
+    issues += sign_and_delay_issues(responses(campaign.measurements, analyses), campaign.measurements)
+    issues += [*copy_issues(campaign), *_overlaps(campaign)]
+    progress("compare", 1, 1, "")
+    return issues
 
 
 def quality_warnings(measurement: Measurement) -> list[Issue]:
@@ -76,7 +95,8 @@ def _label(measurement: Measurement, analysis: SignalAnalysis) -> _Found:
     found = 1 / analysis.period
     if experiment.frequency and abs(off := found / experiment.frequency - 1) > LIMITS.frequency:
         message = f"labelled {experiment.frequency:.6g} Hz, the data show {found:.6g} Hz ({100 * off:+.2f} %)"
-        hint = "Nothing to do: the true frequency is used; correct the label if you like"
+        cause, hint = frequency_cause(experiment.frequency, found, 1 / experiment.step)
+        message += f": {cause}" if cause else ""
         yield ", attribute 'frequency'", message, hint
     if experiment.amplitude and experiment.inputs:
         name, values = next(iter(experiment.inputs.items()))
@@ -156,22 +176,17 @@ def _conditions(measurement: Measurement, analysis: SignalAnalysis) -> _Found:
         yield "", f"no condition '{name}'", "Add it as a scalar variable with units to the root, or to the group"
 
 
-def _across(campaign: Campaign) -> list[Issue]:
-    """Copies of tests, and tests that ran at the same time."""
-    issues = []
+def _overlaps(campaign: Campaign) -> Iterator[Issue]:
+    """Tests that ran at the same time."""
     for one, other in combinations(campaign.measurements, 2):
-        where = f"groups '{one.name}' and '{other.name}'"
-        if any(np.array_equal(v, other.outputs[name]) for name, v in one.outputs.items() if name in other.outputs):
-            hint = "Leave one out: a copy counts twice in the identification"
-            issues.append(Issue(where, "hold the same output, sample by sample", hint, "warning"))
         spans = [
             (m.experiment.start_time, m.experiment.start_time + float(m.time[-1] - m.time[0]))
             for m in (one, other)
             if m.experiment.start_time is not None
         ]
         if len(spans) == 2 and max(begin for begin, _ in spans) < min(end for _, end in spans):
-            issues.append(Issue(where, "overlap in time", "Correct their 'start_time'", "warning"))
-    return issues
+            where = f"groups '{one.name}' and '{other.name}'"
+            yield Issue(where, "overlap in time", "Correct their 'start_time'", "warning")
 
 
 def _clipped(values: FloatArray) -> int:

@@ -16,6 +16,8 @@ GRID_TOLERANCE = 0.05
 MISSING = 1.5
 #: fewest samples from which period and noise can be found
 FEWEST_SAMPLES = 8
+#: sizes that no unit makes, and beyond which squares overflow or vanish
+LARGEST, SMALLEST = 1e100, 1e-100
 #: a test this much shorter than its labelled period still counts as one (rigs run off their label)
 LABEL_TOLERANCE = 0.05
 
@@ -25,7 +27,7 @@ def time_issues(where: str, time: FloatArray) -> list[Issue]:
     where = f"{where}, variable 'time'"
     if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
         return [Issue(where, f"{time.size} samples", f"Give a record of at least {FEWEST_SAMPLES} samples")]
-    if issues := finite_issues(where, time):
+    if issues := finite_issues(where, time) or _size_issues(where, time):
         return issues
     steps = np.diff(time)
     if (backward := np.flatnonzero(steps <= 0)).size:
@@ -52,7 +54,9 @@ def finite_issues(where: str, values: FloatArray) -> list[Issue]:
     if not bad.size:
         return []
     what = f"{bad.size} of {values.size} samples are NaN or infinite, the first at index {bad[0]}"
-    return [Issue(where, what, "Repair or cut the record; mofit does not invent samples")]
+    return [
+        Issue(where, what, "Look there for a cell that is no number, or cut the record; mofit does not invent samples")
+    ]
 
 
 def experiment_issues(
@@ -85,7 +89,7 @@ def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, Fl
     for role, group in channels.items():
         for name, values in group.items():
             place = f"{where}, variable '{name}'"
-            bad = finite_issues(place, values)
+            bad = finite_issues(place, values) or _size_issues(place, values)
             issues += bad
             if bad or not values.size or np.ptp(values) > 1e-12 * np.max(np.abs(values)):
                 continue
@@ -95,6 +99,18 @@ def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, Fl
             hint = "Check the sensor and the column; leave the test out if nothing moved"
             issues.append(Issue(place, what, hint, "warning" if mild else "error"))
     return issues
+
+
+def _size_issues(where: str, values: FloatArray) -> list[Issue]:
+    """Values so large, or so small together, that they are no measurement in any unit."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest > LARGEST:
+        at = int(np.argmax(np.abs(values)))
+        what = f"sample {at} is {values[at]:.3g}, larger than any measurement"
+        return [Issue(where, what, "Look there for a mark of missing values, and check the unit")]
+    if 0 < largest < SMALLEST:
+        return [Issue(where, f"no sample is larger than {largest:.3g}", "Check the unit and the scale of the column")]
+    return []
 
 
 def whole_period_issues(where: str, kind: str, time: FloatArray, frequency: float | None) -> list[Issue]:
@@ -108,7 +124,7 @@ def whole_period_issues(where: str, kind: str, time: FloatArray, frequency: floa
     if periods >= 1 - LABEL_TOLERANCE:
         return []
     what = f"no whole period: {periods:.2g} periods of {frequency:g} Hz in the record"
-    return [Issue(where, what, "Record at least one whole period, better three; or correct the frequency")]
+    return [Issue(where, what, "Record a whole period, better three; or correct the frequency or the unit of the time")]
 
 
 def longest_stretch(time: FloatArray, signals: Iterable[FloatArray]) -> tuple[slice, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -136,12 +136,15 @@ class Problem:
     def score(self, point: FloatArray) -> Score:
         """Gradient, curvature and covariance of the gradient of every test at a point (d,)."""
         derivative = self.space.derivative(self.space.from_unit(point))
-        responses = [
-            (output[0], slopes[0] * derivative)
-            for output, slopes in self.simulator.sensitivities(self.layout.full(point[None]))
-        ]
+        values = self.layout.full(point[None])
+
+        def responses() -> Iterator[tuple[FloatArray, FloatArray]]:
+            for k in range(len(self.experiments)):  # one by one: all samples' sensitivities together are large
+                ((output, slopes),) = self.simulator.select([k]).sensitivities(values)
+                yield output[0], slopes[0] * derivative
+
         sums = self.sums(point[None])
-        return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses)
+        return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses())
 
     def simulate(self, u: FloatArray) -> list[FloatArray]:
         """Simulated outputs per test, shape (N, samples, outputs)."""

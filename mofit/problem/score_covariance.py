@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from scipy.special import fdtri
@@ -22,7 +22,7 @@ def score_covariance(
     weights: FloatArray,
     experiments: Sequence[ExperimentData],
     periods: Sequence[float | None],
-    responses: Sequence[tuple[FloatArray, FloatArray]],
+    responses: Iterable[tuple[FloatArray, FloatArray]],
 ) -> Score:
     """The score of every test at one point; see `mofit.problem.Score`.
 
@@ -35,23 +35,29 @@ def score_covariance(
     experiments, periods
         The tests, and the period of each in s, None where it has none.
     responses
-        Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d).
+        Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d). Each is
+        dropped before the next is asked for.
     """
-    tests = [
-        _residual_noise(experiment, period, *response)
-        for experiment, period, response in zip(experiments, periods, responses, strict=True)
-    ]
-    excess, gap_freedom = _gap([process for pairs in tests for process, _ in pairs], sums.gradient.shape[-1])
-    noise, gap, freedom = [], [], []
-    for pairs in tests:
+    processes, noise, lines, freedom = [], [], [], []
+    for experiment, period, response in zip(experiments, periods, responses, strict=True):
+        pairs = _residual_noise(experiment, period, *response)
+        processes += [process for process, _ in pairs]
         noise.append(sum(process.score_covariance(own) for process, own in pairs))
-        gap.append(sum(process.score_covariance(own, _on_lines(process, excess)) for process, own in pairs))
+        # the gap is linear in the excess, which is known only when all tests have been seen
+        lines.append(
+            [
+                sum(process.score_covariance(own, _on_lines(process, unit)) for process, own in pairs)
+                for unit in ((1.0, 0.0), (0.0, 1.0))
+            ]
+        )
         freedom.append(sum(process.effective_degrees_of_freedom(own) for process, own in pairs))
+    excess, gap_freedom = _gap(processes, sums.gradient.shape[-1])
+    gap = np.einsum("e,tedf->tdf", np.array(excess), np.array(lines))
     return Score(
         slope=weights[:, None] * sums.gradient[0],
         normal=weights[:, None, None] * sums.normal[0],
         noise=weights[:, None, None] ** 2 * np.array(noise),
-        gap=weights[:, None, None] ** 2 * np.array(gap),
+        gap=weights[:, None, None] ** 2 * gap,
         freedom=np.array(freedom),
         gap_freedom=gap_freedom,
         gap_squares=excess,

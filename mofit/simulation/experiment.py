@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
@@ -18,6 +18,8 @@ from mofit.models.model import SAMPLE_INTERVAL, TIME
 
 #: conditions that follow from a test's time axis, see `all_conditions`
 TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")
+#: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
+_SHORT_TEST = 20_000
 #: share of a period that a record may lack and still count as whole periods
 _SHORT = 0.1
 
@@ -76,16 +78,14 @@ class ExperimentData:
         """Of `data` in memory."""
         return self.data.ctypes.data
 
-    @cached_property
+    @property
     def curve(self) -> PPoly:
-        """The inputs over time."""
-        time = np.arange(self.samples) * self.step
-        inputs = np.asarray(self.inputs, dtype=float)
-        if self.samples == 1:
-            return PPoly(inputs[None], np.array([0.0, self.step]))
-        if self.interpolation == "linear":
-            return PPoly(np.stack([np.diff(inputs, axis=0) / self.step, inputs[:-1]]), time)
-        return CubicSpline(time, inputs, axis=0)
+        """The inputs over time; of a long test it is not kept."""
+        return _long_curve(self) if self.samples > _SHORT_TEST else self._short_curve
+
+    @cached_property
+    def _short_curve(self) -> PPoly:
+        return _curve(self)
 
     def at(self, time: FloatArray) -> FloatArray:
         """Inputs at times, shape (nu, len(time)); constant after the last sample."""
@@ -117,6 +117,20 @@ class ExperimentData:
             if not np.all(np.isfinite(value)):
                 found.append(Issue(where, f"{what} hold nan or infinite values", "Set weight and value to 0 there"))
         return found
+
+
+def _curve(experiment: ExperimentData) -> PPoly:
+    time = np.arange(experiment.samples) * experiment.step
+    inputs = np.asarray(experiment.inputs, dtype=float)
+    if experiment.samples == 1:
+        return PPoly(inputs[None], np.array([0.0, experiment.step]))
+    if experiment.interpolation == "linear":
+        return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
+    return CubicSpline(time, inputs, axis=0)
+
+
+#: that of the test whose table is being made
+_long_curve = lru_cache(maxsize=1)(_curve)
 
 
 def first_input(model: Model) -> str:

@@ -17,6 +17,9 @@ from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
 from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
 
+#: steps whose part of a table is made at once
+_PART = 50_000
+
 
 class Table:
     """What the lanes of a job read: constant, rows, counts and substep rows, see `loop.JOB_FIELDS`."""
@@ -79,6 +82,19 @@ class Kernel:
         self, split: Split, experiment: ExperimentData, start: FloatArray, end: FloatArray, fixed: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Constant values and rows of the table, for steps from ``start`` to ``end``."""
+        cut = len(split.constant)
+        constant, rows = np.empty(cut), np.empty((len(start), sum(map(len, split.table.outputs)) - cut))
+        # in parts, because the points take several times the memory of the table
+        for first in range(0, len(start), _PART):
+            part = slice(first, first + _PART)
+            values = self._part(split, experiment, start[part], end[part], fixed)
+            constant, rows[part] = values[:cut, 0].copy(), values[cut:].T
+        return constant, rows
+
+    def _part(
+        self, split: Split, experiment: ExperimentData, start: FloatArray, end: FloatArray, fixed: FloatArray
+    ) -> FloatArray:
+        """Values of the table, one per column, for some of the steps."""
         count, length = len(start), end - start
 
         def everywhere(values: FloatArray) -> FloatArray:
@@ -97,6 +113,4 @@ class Kernel:
             "condition": everywhere(experiment.conditions),
             "h": length[None],
         }
-        values = evaluate(split.table, [points[name] for name in GRAPH_INPUTS])
-        cut = len(split.constant)
-        return values[:cut, 0].copy(), np.ascontiguousarray(values[cut:].T)
+        return evaluate(split.table, [points[name] for name in GRAPH_INPUTS])

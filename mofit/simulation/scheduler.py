@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import ctypes
-import math
 import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
@@ -28,11 +27,15 @@ from mofit.simulation.time_grid import StepChoice, StepLevel
 _FEW_CARRIED = 20
 #: more sets of values of the parameters that are not free than this, and they go into lanes
 _MANY_SETS = 4
-#: bytes of tables that are kept
-_TABLE_BYTES = 1e9
+#: bytes of tables that are kept for the next call; the usual campaign needs less
+_KEPT_BYTES = 1e8
+#: bytes of tables and results that are worked on together
+_AT_ONCE_BYTES = 3e7
 
 #: scheme, derivatives, reduce, fixed parameters per lane
 KernelKey = tuple[str, bool, bool, bool]
+#: kernel, test, steps, fixed parameters
+TableKey = tuple[KernelKey, ExperimentData, int, bytes]
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,28 @@ class _Block:
     def address(self) -> int:
         """Of the parameters in memory."""
         return self.parameters.ctypes.data
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """A block on its way through a test, and where its result goes."""
+
+    test: int
+    block: _Block
+    experiment: ExperimentData
+    table: Table
+    entry: Callable[..., None]
+    result: FloatArray
+
+    @property
+    def record(self) -> tuple[int, ...]:
+        """The addresses that the compiled loop takes, see `loop.JOB_FIELDS`."""
+        constant, rows, counts, substep_rows = self.table.addresses
+        experiment = self.experiment
+        return (
+            experiment.samples, self.block.address, constant, rows, experiment.address, counts, substep_rows,
+            self.result.ctypes.data,
+        )  # fmt: skip
 
 
 def _lane_counts(shape: Shape) -> tuple[int, int]:
@@ -81,7 +106,7 @@ class Scheduler:
         self._order = free_first(system.parameters, free)
         self._one_loop = one_loop
         self._kernels: dict[KernelKey, Kernel] = {}
-        self._tables: OrderedDict[tuple[KernelKey, ExperimentData, int, bytes], Table] = OrderedDict()
+        self._tables: OrderedDict[TableKey, Table] = OrderedDict()
 
     def without_tables(self) -> Scheduler:
         """The same, compiled code shared, with no tables yet."""
@@ -152,16 +177,26 @@ class Scheduler:
             self._kernels[key] = Kernel(self.system, self.free, level.scheme, *key[1:])
         return self._kernels[key]
 
-    def _table(self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: _Block) -> Table:
-        """The table of a test for a block's level and fixed parameters, kept for the next call."""
+    def _table(
+        self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: _Block, used: set[TableKey]
+    ) -> Table:
+        """The table of a test for a block's level and fixed parameters, kept for the next call where there is room.
+
+        Tables that this call has ``used`` stay: where all do not fit, the next call finds these at least.
+        """
         fixed = block.parameters[len(self.free) :, 0]
         known = (key, experiment, block.level.steps, b"" if block.fixed_per_lane else fixed.tobytes())
-        table = self._tables.pop(known, None)
-        if table is None:
-            table = kernel.table(experiment, block.level, fixed)
-            while self._tables and sum(kept.nbytes for kept in self._tables.values()) > _TABLE_BYTES:
-                self._tables.popitem(last=False)
-        self._tables[known] = table
+        used.add(known)
+        if known in self._tables:
+            self._tables.move_to_end(known)
+            return self._tables[known]
+        table = kernel.table(experiment, block.level, fixed)
+        room = _KEPT_BYTES - sum(kept.nbytes for kept in self._tables.values())
+        for old in [old for old in self._tables if old not in used]:
+            if room < table.nbytes:
+                room += self._tables.pop(old).nbytes
+        if room >= table.nbytes:
+            self._tables[known] = table
         return table
 
     def _run(
@@ -172,38 +207,39 @@ class Scheduler:
         derivatives: bool,
         reduce: bool,
     ) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
-        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, L)."""
-        blocks, shape = self._blocks(p, choices, derivatives), self._shape(derivatives)
-        shapes = [
-            (shape.sums, block.lanes)
-            if reduce
-            else (experiments[test].samples, shape.columns, shape.outputs, block.lanes)
-            for test, block in blocks
-        ]
-        bounds = [0, *np.cumsum([math.prod(sizes) for sizes in shapes]).tolist()]
-        whole = np.empty(bounds[-1])
-        place = whole.ctypes.data
-        entries: dict[int, tuple[Callable[..., None], list[int]]] = {}
-        records = np.zeros((len(blocks), len(JOB_FIELDS)), dtype=np.int64)
-        tables: list[Table] = []  # in memory until all jobs are done
-        for index, (test, block) in enumerate(blocks):
+        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, L).
+
+        So many at once as memory allows.
+        """
+        shape = self._shape(derivatives)
+        jobs: list[_Job] = []
+        load, used, seen = 0, set[TableKey](), set[int]()
+        for test, block in self._blocks(p, choices, derivatives):
             key = (block.level.scheme.name, derivatives, reduce, block.fixed_per_lane)
             kernel, experiment = self._kernel(key, block.level), experiments[test]
-            table = self._table(key, kernel, experiment, block)
+            table = self._table(key, kernel, experiment, block, used)
             code = kernel.code(table.refined or self._one_loop, block.lanes)
-            tables.append(table)
-            constant, rows, counts, substep_rows = table.addresses
-            result = place + whole.itemsize * bounds[index]
-            records[index] = (
-                experiment.samples, block.address, constant, rows, experiment.address, counts, substep_rows, result
-            )  # fmt: skip
-            entries.setdefault(id(code), (code.entry, []))[1].append(index)
-        for entry, members in entries.values():
+            sizes = (shape.sums,) if reduce else (experiment.samples, shape.columns, shape.outputs)
+            jobs.append(_Job(test, block, experiment, table, code.entry, np.empty((*sizes, block.lanes))))
+            load += jobs[-1].result.nbytes + (table.nbytes if id(table) not in seen else 0)
+            seen.add(id(table))
+            if load > _AT_ONCE_BYTES:
+                yield from self._done(jobs)
+                jobs, load, seen = [], 0, set()
+        yield from self._done(jobs)
+
+    def _done(self, jobs: Sequence[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+        """The results of jobs that run together."""
+        entries: dict[int, list[_Job]] = {}
+        for job in jobs:
+            entries.setdefault(id(job.entry), []).append(job)
+        for members in entries.values():
             # the longest first, so that threads end together
-            members.sort(key=lambda i: -experiments[blocks[i][0]].samples * blocks[i][1].level.steps)
-            self._call(entry, np.ascontiguousarray(records[members]))
-        for (test, block), start, end, sizes in zip(blocks, bounds, bounds[1:], shapes, strict=False):
-            yield test, block.rows, whole[start:end].reshape(sizes)
+            members.sort(key=lambda job: -job.experiment.samples * job.block.level.steps)
+            records = np.array([job.record for job in members], dtype=np.int64).reshape(-1, len(JOB_FIELDS))
+            self._call(members[0].entry, records)
+        for job in jobs:
+            yield job.test, job.block.rows, job.result
 
     def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         """Run jobs in this thread and in as many others as there is work for."""

@@ -15,6 +15,7 @@ from mofit.data.campaign import Campaign, Experiment, Measurement
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.import_map import ColumnMap, TestMap, read_map
 from mofit.data.importers.table import Table, read_table, source_files
+from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.data.validation import experiment_issues, finite_issues, longest_stretch
 from mofit.errors import InputError, Issue, collected, did_you_mean, raise_errors
 from mofit.quantities import CHANNELS, known_unit
@@ -38,7 +39,7 @@ def import_files(sources: Sequence[Path], map_path: Path, contained: Contained |
     map_path = Path(map_path)
     plan = read_map(map_path)
     files = source_files([Path(source) for source in sources] or [map_path.parent])
-    issues: list[Issue] = []
+    issues = title_issues("title", plan.title) + name_issues("attributes", "attribute", plan.attributes)
     conditions, units = _conditions("root", plan.conditions, issues)
     measurements = []
     # what overflows becomes infinite, and is counted as such
@@ -88,8 +89,9 @@ def _fill(test: TestMap, file: str, match: re.Match[str]) -> TestMap:
 
 def _measurement(test: TestMap, table: Table, shared: Mapping[str, float]) -> tuple[Measurement, dict[str, str]]:
     """A test in SI units, and the units of its own conditions."""
-    where = f"test '{test.name}'"
-    issues: list[Issue] = []
+    where = f"test '{shown(test.name)}'"
+    issues = name_issues(where, "test", [test.name])
+    issues += channel_name_issues(where, test.channels, {**shared, **test.conditions})
     fixed = {name: value for name, value in test.conditions.items() if not isinstance(value, ColumnMap)}
     own, condition_units = _conditions(where, fixed, issues)
     sensed: dict[str, FloatArray] = {}

@@ -29,6 +29,8 @@ from mofit.sampling import contraction, laplace_covariance, mixture, r_hat, verd
 #: Posterior draws simulated for the predictive bands, and the most numbers they may take.
 PREDICTIVE_DRAWS = 100
 PREDICTIVE_NUMBERS = 4_000_000
+#: of the longest records, for which each draw takes as much memory as the data
+FEWEST_PREDICTIVE_DRAWS = 8
 
 
 def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
@@ -68,7 +70,10 @@ def predictions(problem: Problem, point: FloatArray) -> xr.Dataset:
 def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     """Simulated output of every test at some of the posterior draws (chain, draw, d), evenly spread."""
     samples = sum(len(experiment.inputs) for experiment in problem.experiments)
-    wanted = max(1, min(PREDICTIVE_DRAWS, PREDICTIVE_NUMBERS // samples) // len(draws))
+    most = min(PREDICTIVE_DRAWS, max(PREDICTIVE_NUMBERS // samples, FEWEST_PREDICTIVE_DRAWS))
+    if len(draws) > most:  # long records: not even one draw of every chain
+        draws = draws[np.linspace(0, len(draws) - 1, most).astype(int)]
+    wanted = max(1, most // len(draws))
     few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
     chains, count, dimension = few.shape
     simulated = problem.simulate(few.reshape(-1, dimension))

@@ -10,11 +10,14 @@ from typing import Any
 
 import matplotlib as mpl
 from markupsafe import Markup
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 
 from mofit.report.toolkit.blocks import Figure
+from mofit.report.toolkit.formatting import is_math
 
 MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#444444")
 """Okabe & Ito (2008): distinguishable with every common kind of colour blindness; two dark tones make it eight."""
@@ -171,10 +174,18 @@ class Panels:
         good, bad
             What good and bad look like.
         """
+        as_written(self.canvas)
         buffer = io.BytesIO()
         self.canvas.savefig(buffer, format="svg", dpi=144, metadata={"Date": None, "Creator": None})
         address = "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
         return Figure(address, alt, caption, good, bad)
+
+
+def as_written(owner: Artist) -> None:
+    """Let names of tests, channels and models stand as they are, dollar signs too: only our own symbols are math."""
+    for text in owner.findobj(Text):
+        if isinstance(text, Text) and "$" in text.get_text():
+            text.set_parse_math(is_math(text.get_text()))
 
 
 def _legend_height(entries: int) -> float:

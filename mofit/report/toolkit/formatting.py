@@ -13,6 +13,8 @@ from numpy.typing import ArrayLike
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 _GREEK = dict(zip(_NAMES.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: what `math_symbol` makes, and matplotlib's powers of ten
+_MATH = re.compile(r"\$\\?[A-Za-z]+(_\{\\mathrm\{[A-Za-z0-9_,]*\}\})?\$|\$\\mathdefault\{[^$]*\}\$")
 THIN = "\u202f"
 
 
@@ -125,9 +127,15 @@ def math_symbol(name: str) -> str:
     """The same for figures (matplotlib's math text)."""
     base, index = _parts(name)
     if not _is_symbol(base) or not re.fullmatch(r"[A-Za-z0-9_]*", index):
-        return name.replace("$", r"\$")
+        return name
     letter = rf"\{base}" if base in _GREEK else base
     return rf"${letter}_{{\mathrm{{{index.replace('_', ',')}}}}}$" if index else f"${letter}$"
+
+
+def is_math(text: str) -> bool:
+    """Whether matplotlib is to read a text as math: it holds symbols or powers of ten, and no other dollar sign."""
+    rest, symbols = _MATH.subn("", text)
+    return symbols > 0 and "$" not in rest
 
 
 def parameter_label(name: str, unit: str) -> str:

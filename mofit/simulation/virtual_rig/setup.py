@@ -9,6 +9,7 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 
 from mofit.data import Experiment
+from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
 from mofit.quantities import CONDITIONS
@@ -76,6 +77,13 @@ def set_up(plan: Plan, where: str) -> Setup:
         With every issue: unknown names, values of the wrong unit, missing conditions.
     """
     check = _Check(where)
+    # at once, not when the campaign is written
+    check.issues += title_issues(f"{where}, title", plan.title)
+    check.issues += name_issues(f"{where}, attributes", "attribute", plan.attributes)
+    for test in plan.tests:
+        place = f"{where}, test '{shown(test.name)}'"
+        check.issues += name_issues(place, "test", [test.name])
+        check.issues += channel_name_issues(place, (), {**plan.conditions, **test.conditions})
     model = check.attempt(find_model, plan.model)
     effects = [check.attempt(find_effect, entry.name) for entry in plan.effects]
     raise_errors(check.issues)  # the rest is about the model and its effects

@@ -59,8 +59,12 @@ def text_columns(path: Path) -> Columns:
     columns: dict[str, FloatArray] = {}
     for k in frame.columns:
         name = header[k] if k < len(header) else ""
+        cells = frame[k]
+        if decimal != "." and not pd.api.types.is_numeric_dtype(cells):
+            # one cell of text leaves the whole column as text, its decimal signs included
+            cells = cells.map(lambda cell: cell.replace(decimal, ".") if isinstance(cell, str) else cell)
         try:
-            values = pd.to_numeric(frame[k], errors="coerce").to_numpy(dtype=float)
+            values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
         except OverflowError as error:
             raise InputError.of(where, f"column {k + 1}: {error}", "Correct the cell or cut the row") from error
         # a delimiter at the end of every line makes a last column without name and numbers
