@@ -19,10 +19,10 @@ from mofit.problem import Problem
 Level = Literal["caution", "untrusted"]
 """``caution``: read it before the numbers. ``untrusted``: numbers of other parameters depend on it (exit code 3)."""
 
-#: Ratio of residual to noise from which the misfit is larger than the noise: :math:`\sqrt{1 + 1}` is an equal share.
-GAP = 2**0.5
-#: Ratio of residual to noise from which the noise hardly matters any more.
-MISFIT = 3.0
+#: Ratio of residual to noise from which what the model misses counts: then it is half as large as the noise.
+GAP = 1.12
+#: Share of independent residuals below which they follow one another: a gap, or noise that is not white.
+WHITE = 0.25
 #: Share of the output's range below which a residual is that of the integration, not of the model.
 NEGLIGIBLE = 5e-4
 
@@ -37,17 +37,28 @@ class Finding:
 
 
 def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
-    """How well the model fits beside the noise, if badly; from the NRMSD of every test."""
-    floor = np.maximum(problem.noise.floor, NEGLIGIBLE)
-    ratio = float(np.sqrt(np.mean(nrmsd**2) / np.mean(floor**2)))
-    if not ratio >= MISFIT:
-        return []
-    worst = int(np.argmax(nrmsd / floor))
-    text = (
-        f"The model misses {ratio:.2g} times the noise ({100 * np.sqrt(np.mean(nrmsd**2)):.2g} % of the range; "
-        f"most in {problem.tests[worst]}). The parameters are those of a compromise: mofit diagnose says what it lacks."
-    )
-    return [Finding("misfit", "caution", text)]
+    """How well the model fits beside the noise, if badly; from the NRMSD of every test.
+
+    The noise of a test is no larger than its residual, whatever was estimated from a record without repeats.
+    """
+    noise = problem.noise
+    floor = np.maximum(np.minimum(noise.floor, nrmsd), NEGLIGIBLE)
+    ratio, worst = float(np.sqrt(np.mean(nrmsd**2) / np.mean(floor**2))), int(np.argmax(nrmsd / floor))
+    advice = "The parameters are those of a compromise; mofit diagnose says what the model lacks."
+    if ratio >= GAP:
+        size = 100 * np.sqrt(np.mean(nrmsd**2))
+        where = f", most in {problem.tests[worst]}" if len(problem.tests) > 1 else ""
+        text = (
+            f"The model does not fit: its residual is {ratio:.2g} times the noise ({size:.2g} % of the range{where})."
+        )
+        return [Finding("misfit", "caution", f"{text} {advice}")]
+    share = np.where(nrmsd > NEGLIGIBLE, noise.independent / noise.count, 1.0)
+    least = int(np.argmin(share))
+    if share[least] < WHITE:
+        text = f"The residual of {problem.tests[least]} is not white: {noise.independent[least]:.0f} of "
+        text += f"{noise.count[least]:.0f} samples are independent. Either the noise is coloured, or the model lacks"
+        return [Finding("misfit", "caution", f"{text} something: mofit diagnose tells.")]
+    return []
 
 
 def at_limits(space: ParameterSpace, minimum: Minimum, hessian: FloatArray, asked: Sequence[str] = ()) -> list[Finding]:
