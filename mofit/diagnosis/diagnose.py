@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model
 from mofit.runtime.progress import Progress, silent
@@ -32,12 +34,12 @@ _NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it
 
 
 def diagnose(
-    campaign: Campaign,
-    model: Model,
-    effects: Sequence[str] = (),
+    campaign: Campaign | str | Path,
+    model: Model | str,
+    effects: str | Sequence[str] = (),
     settings: Settings | None = None,
     *,
-    tests: Sequence[str] = (),
+    tests: str | Sequence[str] = (),
     diagnosis: DiagnosisSettings | None = None,
     simulators: SimulatorCache | None = None,
     progress: Progress = silent,
@@ -47,15 +49,16 @@ def diagnose(
     Parameters
     ----------
     campaign
-        The measurements.
+        The measurements, or the path of their file.
     model
-        The model without effects.
+        The model without effects, or its name: a shipped one's, or ``path/to/file.py:Name``.
     effects
-        Candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join them.
+        Name or names of candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join
+        them.
     settings
         Bounds, fixed parameters, seed, threads; the rest is for identifications.
     tests
-        Names of the tests; all of the model's kinds if none is named.
+        Name or names of the tests; all of the model's kinds if none is named.
     diagnosis
         Settings of the method.
     simulators
@@ -69,9 +72,10 @@ def diagnose(
         If campaign, model and effects don't fit together.
     """
     began = time.process_time()
+    campaign, model = as_campaign(campaign), as_model(model)
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
-    observed, start = set_up(model, campaign, settings, tests, simulators)
-    chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), effects)
+    observed, start = set_up(model, campaign, settings, as_names(tests), simulators)
+    chosen, left_out = choose_effects(model, campaign.select(observed.problem.tests), as_names(effects))
     case, ignored = _investigate(observed, start, chosen, settings.seed, rules, progress), 0.0
     if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.coarse:
         case, ignored = _relaxed(case, observed, chosen, settings.seed, progress)

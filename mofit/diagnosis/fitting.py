@@ -19,6 +19,7 @@ from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
+from mofit.problem import explained
 
 #: Starts of the baseline beside the nominal values: with them as many as SIMD lanes.
 _STARTS = 7
@@ -173,7 +174,8 @@ def fit_baseline(observed: WhitenedData, start: FloatArray, seed: int) -> Fitted
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
     starts = np.concatenate([start[None], np.where(searched, scattered, start)])
     model = model.at_steps_for(start[None])
-    first = fit(model, starts)
+    with explained(observed.problem):
+        first = fit(model, starts)
     # the minimum may be stiffer than the start
     model = model.at_steps_for(first.minimum.point[None])
     return fit(model, first.minimum.point[None]).without_tables()

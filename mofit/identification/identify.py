@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import xarray as xr
 
 from mofit.data import Campaign
+from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult
@@ -19,16 +21,16 @@ from mofit.report import report_beside
 from mofit.results import write_result
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
-from mofit.runtime.run_directory import plan_folder
+from mofit.runtime.run_directory import LOG, run_folder
 
 
 def identify(
-    campaign: Campaign,
-    model: Model,
+    campaign: Campaign | str | Path,
+    model: Model | str,
     settings: Settings | None = None,
     *,
-    tests: tuple[str, ...] = (),
-    out: Path | None = None,
+    tests: str | Sequence[str] = (),
+    out: str | Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> tuple[Path, xr.DataTree]:
@@ -37,17 +39,17 @@ def identify(
     Parameters
     ----------
     campaign
-        The measurements.
+        The measurements, or the path of their file.
     model
-        The model.
+        The model, or its name: a shipped one's, or ``path/to/file.py:Name``.
     settings
         Settings of the identification.
     tests
-        Names of the tests of the main identification; by default all whose excitation the model is made for.
+        Name or names of the tests of the main identification; by default all whose excitation the model is made for.
     out
         Folder of the run; by default the next free one under ``runs/``.
     resume
-        Take up an interrupted run with the same settings.
+        Take up an interrupted run with the same settings, if there is one.
     progress
         Called as ``progress(stage, done, total, note)``.
 
@@ -61,28 +63,30 @@ def identify(
     Raises
     ------
     InputError
-        If campaign, model and settings don't fit together; nothing is written then.
+        If campaign, model and settings don't fit together, or the folder can't be had; nothing is written then.
+    WriteError
+        If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
-    settings = settings or Settings()
+    campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
     progress = log = RunLog(progress)
     timer = StageTimer()
-    tests = choose_tests(model, campaign, tests)
+    chosen = choose_tests(model, campaign, as_names(tests))
     configuration = {
         "model": model.name,
         "equations": build_system(model).hash(),
         "campaign": campaign.hash(),
-        "tests": list(tests),
+        "tests": list(chosen),
         **settings.deciding(),
     }
-    folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
-
-    with report_beside() as drawn:
-        located = locate_minima(campaign, model, settings, tests, timer=timer, progress=progress)
+    stem = f"{_slug(campaign.title)}-{model.name}"
+    with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
+        log.write_to(folder.partial / LOG)
+        located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress)
         references = partial(fit_references, located, model, campaign, settings)
-        with folder.at_work(configuration) as unfinished, beside(references, settings.jobs > 1) as fitted:
-            log.write_to(unfinished / "run.log")
+        with beside(references, settings.jobs > 1) as fitted:
             with timer.measure("sample"):
-                modes = sample_modes(located.posterior, located.minima, settings, unfinished / "chains.h5", progress)
+                chains = folder.partial / "chains.h5"
+                modes = sample_modes(located.posterior, located.minima, settings, chains, progress)
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
             unconverged = (reason for mode in modes for reason in mode.chains.reasons)
@@ -96,8 +100,8 @@ def identify(
             )
             progress("write", 0, 1, "result and report")
             tree = assemble(result)
-            with drawn(tree, unfinished):
-                write_result(tree, unfinished)
+            with drawn(tree, folder.partial):
+                write_result(tree, folder.partial)
             for warning in result.warnings:
                 log.note(f"warning: {warning}")
             log.note("converged" if result.converged else "NOT converged")

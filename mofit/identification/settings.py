@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from numbers import Integral
 
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.sampling import SampleSettings
+
+#: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
+FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,8 @@ class Settings:
         Name of the global search (`mofit.identification.search_registry`).
     weights
         Weight of a test's NRMSD in the search; 1 where not named.
+    evaluations
+        Budget of the global search; the search's own where it is None.
     seed
         Seed of every random draw.
     joint
@@ -38,6 +45,7 @@ class Settings:
     """
 
     search: str = DEFAULT_SEARCH
+    evaluations: int | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     joint: bool = False
@@ -52,6 +60,25 @@ class Settings:
         """The settings that decide the numbers, as plain data."""
         return {key: value for key, value in asdict(self).items() if key != "jobs"}
 
+    def __post_init__(self) -> None:
+        checks = [
+            ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
+            ("jobs", self.jobs >= 1, "Give at least 1"),
+            ("evaluations", self.evaluations is None or self.evaluations >= 10, "Give at least 10"),
+        ]
+        check_settings("identification", self, checks)
+        raise_errors(
+            Issue(f"{option} {name}={value:g}", "is not a finite number", "Give a number")
+            for option, given in (("--fix", self.fixed), ("--weights", self.weights))
+            for name, value in given.items()
+            if not math.isfinite(value)
+        )
+
+
+def is_seed(seed: object) -> bool:
+    """Whether a random generator takes it."""
+    return isinstance(seed, Integral) and int(seed) >= 0
+
 
 def free_space(model: Model, settings: Settings) -> ParameterSpace:
     """Free parameters: the model's, without the fixed ones, in the bounds asked for."""
@@ -61,6 +88,12 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
         for name in (*settings.bounds, *settings.fixed)
         if name not in space.names
     )
+    raise_errors(
+        Issue(f"--fix {name}={value:g}", f"is far outside of the range of the model, {own.lower:g} to {own.upper:g}",
+              f"Give it in {own.unit}")
+        for name, value, own in ((name, value, space[name]) for name, value in settings.fixed.items())
+        if abs(value) > FAR * max(abs(own.lower), abs(own.upper))
+    )  # fmt: skip
     for name, (lower, upper) in settings.bounds.items():
         space = space.with_bounds(name, lower, upper)
     free = [name for name in space.names if name not in settings.fixed]

@@ -90,7 +90,8 @@ def convergence_banner(found: Headline) -> Raw:
         return banner(f"The run converged: independent ensembles agree ({figures}).", "good")
     return banner(
         f"This run did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow or in "
-        "the wrong place. Continue the run with --resume, or give it more evaluations.",
+        "the wrong place. Identify again with another --seed; if that does not converge either, --fix a parameter that "
+        "is not identified, or narrow its --bounds.",
         "bad",
     )
 
