@@ -64,7 +64,7 @@ class Settings:
         checks = [
             ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
             ("jobs", self.jobs >= 1, "Give at least 1"),
-            ("evaluations", self.evaluations is None or self.evaluations >= 10, "Give at least 10"),
+            ("evaluations", self.evaluations is None or self.evaluations >= 50, "Give at least 50"),
         ]
         check_settings("identification", self, checks)
         raise_errors(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from mofit.errors import InputError, MofitError
 
@@ -25,7 +26,8 @@ def users_code(where: str, what: str, hint: str, file: str = "") -> Iterator[Non
     except (Exception, SystemExit) as error:
         kind, text = type(error).__name__, str(error)
         called = "called sys.exit" if isinstance(error, SystemExit) else f"raised {kind}"
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+        frames = traceback.extract_tb(error.__traceback__)
+        lines = [frame.lineno for frame in frames if file and Path(frame.filename).resolve() == Path(file).resolve()]
         if isinstance(error, SyntaxError):
             lines = []  # its text has the line
         line = f" in line {lines[-1]}" if lines else ""

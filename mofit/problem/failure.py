@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue
 from mofit.problem.problem import Problem
 from mofit.simulation.failure import find_failure
@@ -25,21 +26,20 @@ def explained(problem: Problem) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if issue := model_failure(problem):
-            raise InputError([issue]) from error
+        if issues := model_failures(problem, problem.space.nominal):
+            raise InputError(issues) from error
         raise
 
 
-def model_failure(problem: Problem) -> Issue | None:
-    """The first test whose outputs are not finite at the nominal values of the parameters; None if there is none."""
-    space = problem.space
-    values = problem.layout.full(space.to_unit(space.nominal)[None])[0]
+def model_failures(problem: Problem, free: FloatArray) -> list[Issue]:
+    """The first test whose outputs are not finite at values (d,) of the free parameters; empty if there is none."""
+    values = problem.layout.full(problem.space.to_unit(free)[None])[0]
     for experiment in problem.experiments:
         if found := find_failure(problem.system, experiment, values):
             pairs = zip(problem.layout.names, values, strict=True)
             at = [f"{name} = {value:.4g}" for name, value in pairs][:_LISTED]
             more = ", …" if len(values) > _LISTED else ""
             where = f"model '{problem.model.name}', test '{experiment.name}'"
-            message = f"{found}, with {', '.join(at)}{more}, and at every other start"
-            return Issue(where, message, "Correct the equations, or narrow the bounds to where they hold")
-    return None
+            message = f"{found}, with {', '.join(at)}{more}"
+            return [Issue(where, message, "Correct the equations, or narrow the bounds to where they hold")]
+    return []

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import shutil
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -80,10 +81,10 @@ def run_folder(
     try:
         with writing(folder.partial, "Make room, then continue with --resume" if resumable else "Make room"):
             yield folder
-            _finish(folder)
+        _finish(folder)
     except BaseException as error:
         if not resumable or not folder.has_results or (new and isinstance(error, InputError)):
-            shutil.rmtree(folder.partial, ignore_errors=True)
+            _discard(folder.partial)
             _remove_empty(made)
         held.release(folder.partial / LOCK)
         raise
@@ -175,7 +176,7 @@ def _new(folder: RunFolder, where: str, configuration: Mapping[str, Any], made: 
             if folder.is_free and _renamed(staged, folder.partial):
                 if not os.path.lexists(folder.target):
                     return held
-                shutil.rmtree(folder.partial)  # the other process has finished
+                folder.partial.rename(staged)  # the other process has finished
             held.release()
         finally:
             shutil.rmtree(staged, ignore_errors=True)
@@ -187,7 +188,7 @@ def _new(folder: RunFolder, where: str, configuration: Mapping[str, Any], made: 
 def _staged(folder: RunFolder, made: list[Path]) -> Path:
     """A new folder beside the run's; parents that had to be made join the list."""
     parent = folder.target.parent
-    staged = parent / f".{folder.partial.name}-{os.getpid()}-{time.monotonic_ns()}"
+    staged = _aside(folder.partial)
     for left in reversed(range(_TRIES)):
         made += [path for path in (parent, *parent.parents) if path not in made and not path.exists()]
         try:
@@ -198,6 +199,17 @@ def _staged(folder: RunFolder, made: list[Path]) -> Path:
             if not left:
                 raise
     return staged
+
+
+def _aside(partial: Path) -> Path:
+    """A hidden name beside a folder that no other process or thread uses."""
+    return partial.with_name(f".{partial.name}-{os.getpid()}-{threading.get_ident()}-{time.monotonic_ns()}")
+
+
+def _discard(partial: Path) -> None:
+    """Remove a folder; others never see it half removed."""
+    with suppress(OSError):
+        shutil.rmtree(partial.rename(_aside(partial)))
 
 
 def _renamed(staged: Path, partial: Path) -> bool:

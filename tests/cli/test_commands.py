@@ -152,7 +152,6 @@ def test_wrong_options_are_refused(rig, gain, empty, capsys):
         ([*base, "--bounds", "q=1:4"], "'q'"),
         ([*base, "--fix", "k=2"], "free"),
         ([*base, "--seed", "one"], "--seed"),
-        ([*base, "--resume"], "resume"),
         (["report", "absent"], "absent"),
         (["simulate", "absent.toml"], "absent.toml"),
         (["import", "--map", "absent.toml"], "absent.toml"),

@@ -1,10 +1,12 @@
 """A run's folder is claimed before the work, appears whole or not at all, and an interrupted one can be taken up."""
 
+import errno
 import json
-import multiprocessing
 import os
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -14,17 +16,23 @@ from mofit.runtime.run_directory import CONFIGURATION, run_folder
 CONFIG = {"seed": 1, "tests": ["a", "b"], "bounds": {"k": (0.0, 1.0)}}
 
 
-def work(out, configuration=CONFIG, **options):
+def work(out, configuration=CONFIG, then=lambda folder: None, **options):
     with run_folder(out, "stem", configuration, **options) as folder:
         (folder.partial / "result.nc").write_text("whole")
+        then(folder)
     return folder
 
 
-def interrupt(out, configuration=CONFIG, error=KeyboardInterrupt, **options):
-    with pytest.raises(error), run_folder(out, "stem", configuration, **options) as folder:
-        (folder.partial / "chains.h5").write_text("some")
+def interrupt(out, error=KeyboardInterrupt, **options):
+    seen = []
+
+    def stop(folder):
+        seen.append(folder)
         raise error
-    return folder
+
+    with pytest.raises(type(error) if isinstance(error, Exception) else error):
+        work(out, then=stop, **options)
+    return seen[0]
 
 
 def test_appears_under_its_name_when_done(tmp_path):
@@ -39,7 +47,7 @@ def test_interrupted_work_stays_and_resumes(tmp_path):
     with pytest.raises(InputError, match="--resume"):
         work(tmp_path / "run")
     assert work(tmp_path / "run", resume=True) == folder
-    assert {path.name for path in folder.target.iterdir()} == {"chains.h5", "result.nc"}
+    assert [path.name for path in folder.target.iterdir()] == ["result.nc"]
 
 
 def test_what_cannot_be_resumed_is_not_kept(tmp_path):
@@ -90,17 +98,17 @@ def test_an_existing_folder_is_never_touched(tmp_path):
 
 
 def test_a_folder_made_meanwhile_is_not_replaced(tmp_path):
-    with pytest.raises(WriteError, match="whole in"), run_folder(tmp_path / "run", "stem", CONFIG) as folder:
-        (folder.partial / "result.nc").write_text("whole")
-        (tmp_path / "run").mkdir()
-        (tmp_path / "run" / "mine").touch()
-    assert (folder.partial / "result.nc").exists()
+    def make(folder):
+        folder.target.mkdir()
+        (folder.target / "mine").touch()
+
+    with pytest.raises(WriteError, match="whole in"):
+        work(tmp_path / "run", then=make)
+    assert (tmp_path / "run.partial" / "result.nc").exists()
 
 
 def test_bad_input_leaves_nothing(tmp_path):
-    with pytest.raises(InputError), run_folder(tmp_path / "new" / "run", "stem", CONFIG) as folder:
-        (folder.partial / "chains.h5").write_text("some")
-        raise InputError.of("here", "bad", "mend it")
+    interrupt(tmp_path / "new" / "run", InputError.of("here", "bad", "mend it"))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -126,21 +134,16 @@ def test_a_dead_process_has_nothing(tmp_path):
     assert work(tmp_path / "run", resume=True).target.is_dir()
 
 
-def start(ready, names):
-    ready.wait()
-    names.put(work(None).target.name)
-
-
 def test_twenty_starts_at_once_end_in_twenty_results(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    context = multiprocessing.get_context("spawn")
-    ready, names = context.Barrier(20), context.Queue()
-    processes = [context.Process(target=start, args=(ready, names)) for _ in range(20)]
-    for process in processes:
-        process.start()
-    found = {names.get() for _ in processes}
-    for process in processes:
-        process.join()
+    ready = threading.Barrier(20)
+
+    def start(_):
+        ready.wait()
+        return work(None).target.name
+
+    with ThreadPoolExecutor(20) as pool:
+        found = set(pool.map(start, range(20)))
     assert len(found) == 20
     assert {path.name for path in (tmp_path / "runs").iterdir()} == found
 
@@ -168,3 +171,25 @@ def test_a_file_in_the_way_is_named(tmp_path):
     with pytest.raises(InputError, match="in the way"):
         work(tmp_path / "run", resume=True)
     assert (tmp_path / "run.partial").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "the disk is full"),
+        (OSError("Can't write data (errno = 122, error message = 'Disk quota exceeded')"), "the quota"),
+        (OSError(errno.EFBIG, "File too large"), "larger than the system allows"),
+    ],
+)
+def test_a_full_disk_is_one_message_and_what_was_written_stays(error, words, tmp_path):
+    def full(folder):
+        raise error
+
+    with pytest.raises(WriteError, match=f"{words}.*--resume"):
+        work(tmp_path / "run", then=full)
+    work(tmp_path / "run", resume=True)
+
+
+def test_another_error_of_the_system_is_not_laid_to_the_disk(tmp_path):
+    interrupt(tmp_path / "run", OSError(errno.ENOENT, "No such file"))
+    interrupt(tmp_path / "other", RuntimeError("a mistake"))
