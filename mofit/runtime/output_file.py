@@ -16,6 +16,8 @@ from mofit.runtime.run_directory import named_path, shortened
 PAGE_MARK = '<meta name="generator" content="mofit">'
 #: What a plan that mofit proposes begins with.
 PLAN_MARK = "# Proposed by mofit design"
+#: What pages had in its place before.
+_EARLIER_MARK = '<link rel="icon" href="data:,">'
 #: Bytes of a file in which the mark is looked for.
 _HEAD = 4096
 
@@ -62,7 +64,7 @@ def output_file(
 def _may_be_replaced(path: Path, where: str, option: str, force: bool | None, inputs: Sequence[Path]) -> None:
     if not os.path.lexists(path):
         return
-    other = f"Name another with {option}"
+    other = f"Name another with {option}" if option.startswith("--") else "Rename it"
     if any(given.exists() and path.exists() and given.samefile(path) for given in inputs):
         raise InputError.of(where, "is an input of this command", other)
     if force is None:
@@ -80,4 +82,4 @@ def _made_here(path: Path) -> bool:
             head = file.read(_HEAD)
     except OSError:
         return False
-    return any(mark.encode() in head for mark in (PAGE_MARK, PLAN_MARK))
+    return any(mark.encode() in head for mark in (PAGE_MARK, PLAN_MARK, _EARLIER_MARK))
