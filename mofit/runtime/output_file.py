@@ -10,7 +10,7 @@ from pathlib import Path
 from mofit.errors import InputError
 from mofit.runtime.claims import TakenError, claim
 from mofit.runtime.files import unwritable
-from mofit.runtime.run_directory import named_path, shortened
+from mofit.runtime.names import named_path, shortened
 
 #: What a page of mofit has in its head.
 PAGE_MARK = '<meta name="generator" content="mofit">'

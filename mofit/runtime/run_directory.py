@@ -19,6 +19,7 @@ from typing import Any
 from mofit.errors import InputError, WriteError
 from mofit.runtime.claims import LOCK, Claim, TakenError, claim
 from mofit.runtime.files import unwritable, write_text, writing
+from mofit.runtime.names import named_path, shortened
 
 _PARTIAL = ".partial"
 CONFIGURATION = "configuration.json"
@@ -40,6 +41,11 @@ class RunFolder:
 
     target: Path
     partial: Path
+
+    @classmethod
+    def at(cls, target: Path) -> RunFolder:
+        """That of a run which ends up in ``target``."""
+        return cls(target, target.with_name(target.name + _PARTIAL))
 
     @property
     def has_results(self) -> bool:
@@ -91,24 +97,6 @@ def run_folder(
     held.release(folder.target / LOCK)
 
 
-def named_path(out: str | Path, option: str = "--out") -> Path:
-    """The path that an option names, if it can be a new file or folder; else an `InputError`."""
-    path = Path(out)
-    if not str(out).strip() or path.name in ("", ".."):
-        raise InputError.of(f"{option} '{out}'", "names no new file or folder", "Give a name")
-    try:
-        path.exists()
-    except (OSError, ValueError) as error:  # too long, or with a zero byte
-        raise unwritable(f"{option} {shortened(path)}", error) from None
-    return path
-
-
-def shortened(path: Path) -> str:
-    """A path for a message, its middle left out where it is long."""
-    text = str(path)
-    return text if len(text) <= 120 else f"{text[:60]}…{text[-40:]}"
-
-
 def differing_settings(record: Path, configuration: Mapping[str, Any]) -> list[str]:
     """Names of the settings that differ from those in a record of earlier work; none without a record.
 
@@ -128,15 +116,6 @@ def differing_settings(record: Path, configuration: Mapping[str, Any]) -> list[s
     return sorted(key for key in {*earlier, *now} if earlier.get(key) != now.get(key))
 
 
-def partial_folder(target: Path) -> Path:
-    """Where a run that ends up in ``target`` is worked on."""
-    return target.with_name(target.name + _PARTIAL)
-
-
-def _folder(target: Path) -> RunFolder:
-    return RunFolder(target, partial_folder(target))
-
-
 def _claimed(
     out: Path | None,
     stem: str,
@@ -150,11 +129,11 @@ def _claimed(
         out = interrupted.target
     if out is None:
         for number in count(1):
-            folder = _folder(Path("runs") / (stem if number == 1 else f"{stem}-{number}"))
+            folder = RunFolder.at(Path("runs") / (stem if number == 1 else f"{stem}-{number}"))
             if folder.is_free and (held := _new(folder, "--out", configuration, made)):
                 return folder, held, True
     assert out is not None
-    folder, where = _folder(out), f"--out {shortened(out)}"
+    folder, where = RunFolder.at(out), f"--out {shortened(out)}"
     for _ in range(_TRIES):
         if os.path.lexists(folder.target):
             _refuse(folder, where, resume)
@@ -269,7 +248,8 @@ def _refuse(folder: RunFolder, where: str, resume: bool) -> None:
 def _interrupted(stem: str, configuration: Mapping[str, Any]) -> RunFolder | None:
     """The latest interrupted run of these settings under ``runs/``; None if nothing is interrupted there."""
     found = [
-        _folder(path.with_name(path.name.removesuffix(_PARTIAL))) for path in Path("runs").glob(f"{stem}*{_PARTIAL}")
+        RunFolder.at(path.with_name(path.name.removesuffix(_PARTIAL)))
+        for path in Path("runs").glob(f"{stem}*{_PARTIAL}")
     ]
     found = [folder for folder in found if folder.partial.is_dir() and folder.has_results]
     for folder in sorted(found, key=lambda folder: folder.partial.stat().st_mtime, reverse=True):

@@ -17,8 +17,9 @@ from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model
 from mofit.runtime.claims import LOCK, TakenError, claim
 from mofit.runtime.files import unwritable, write_text, writing
+from mofit.runtime.names import named_path, shortened
 from mofit.runtime.progress import Progress, silent
-from mofit.runtime.run_directory import differing_settings, named_path, shortened
+from mofit.runtime.run_directory import differing_settings
 from mofit.workflows.batch_tasks import WORK, Row, Task, decided_by, work
 
 RECORD, TABLE, PAGE = "batch.json", "table.csv", "batch.html"
