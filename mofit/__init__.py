@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mofit.data.campaign import Campaign, Experiment, Measurement
     from mofit.data.campaign_file import read_campaign, write_campaign
+    from mofit.errors import InputError, WriteError
     from mofit.identification.identify import identify
     from mofit.models import (
         Applied,
@@ -54,6 +55,7 @@ _HOMES = {
             "with_effects",
         )
     },
+    **{name: ("mofit.errors", name) for name in ("InputError", "WriteError")},
     "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
     "identify": ("mofit.identification.identify", "identify"),
     "open": ("mofit.results", "open_result"),
@@ -69,12 +71,14 @@ __all__ = [
     "Effect",
     "Equations",
     "Experiment",
+    "InputError",
     "Measurement",
     "Model",
     "Parameter",
     "ParameterSpace",
     "Stage",
     "Symbols",
+    "WriteError",
     "__version__",
     "diagnose",
     "find_effect",

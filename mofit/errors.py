@@ -6,7 +6,7 @@ import difflib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 
@@ -47,6 +47,23 @@ class InputError(MofitError):
     def of(cls, where: str, message: str, hint: str) -> InputError:
         """An error with a single issue."""
         return cls([Issue(where, message, hint)])
+
+
+class WriteError(MofitError):
+    """An output could not be written (exit code 2): a full disk, a quota. What was written before stays."""
+
+    def __init__(self, issue: Issue) -> None:
+        self.issue = issue
+        super().__init__(issue)
+
+    @classmethod
+    def of(cls, where: str, message: str, hint: str) -> WriteError:
+        """An error with its place and a hint."""
+        return cls(Issue(where, message, hint))
+
+    def with_hint(self, hint: str) -> WriteError:
+        """The same for one who can do something else about it."""
+        return type(self)(replace(self.issue, hint=hint))
 
 
 def raise_errors(issues: Iterable[Issue]) -> None:

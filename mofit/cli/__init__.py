@@ -11,8 +11,15 @@ from cyclopts import CycloptsError
 
 # they register their commands
 from mofit.cli import campaign, design, identify, runs  # noqa: F401
-from mofit.cli.app import DONE, INTERRUPTED, UNUSABLE, app, say
-from mofit.errors import InputError
+from mofit.cli.app import DONE, INTERRUPTED, UNEXPECTED, UNUSABLE, app, say
+from mofit.cli.unexpected import command_line, log_unexpected
+from mofit.errors import MofitError
+
+#: What a user can do after Ctrl-C, by command; the others keep nothing.
+_AFTER_INTERRUPTION = {
+    "identify": "Nothing is lost: the same command with --resume goes on.",
+    "batch": "Nothing is lost: the same command goes on.",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,14 +34,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return code if isinstance(code, int) else DONE
-    except InputError as error:
+    except MofitError as error:
         say(f"mofit: {error}")
         return UNUSABLE
     except CycloptsError as error:
         say(f"mofit: {error}".rstrip() + " See mofit --help.")
         return UNUSABLE
     except KeyboardInterrupt:
-        say("mofit: interrupted; nothing is lost. Resume identify with --resume, batch with the same command.")
+        command = next(iter(command_line(arguments)), "")
+        say(f"mofit: interrupted. {_AFTER_INTERRUPTION.get(command, 'Nothing was written.')}")
         return INTERRUPTED
     except BrokenPipeError:
         return DONE
+    except Exception as error:  # noqa: BLE001 - the one place where anything may arrive
+        say(f"mofit: {log_unexpected(error, command_line(arguments))}")
+        return UNEXPECTED

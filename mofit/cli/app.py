@@ -19,7 +19,7 @@ from mofit.units import parse_quantity
 
 T = TypeVar("T")
 
-DONE, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 2, 3, 4
+DONE, UNEXPECTED, UNUSABLE, NOT_CONVERGED, NOT_IDENTIFIABLE = 0, 1, 2, 3, 4
 INTERRUPTED = 130
 
 
@@ -51,7 +51,11 @@ Bounds = Annotated[
 ]
 Fixed = Annotated[tuple[str, ...], Parameter(help="Fix a parameter, NAME=VALUE in SI units; repeatable.")]
 Joint = Annotated[bool, Parameter(help="Estimate calibration and dynamic parameters at once.")]
+Force = Annotated[bool, Parameter(help="Replace an output of an earlier call; never another file.")]
 Search = Annotated[str, Parameter(help=search_help())]
+Evaluations = Annotated[
+    int | None, Parameter(help="Budget of the global search in evaluations. By default the search's own.")
+]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
@@ -63,6 +67,8 @@ FinishedRun = Annotated[Path, Parameter(help="Folder of a finished run.")]
 
 def cores(jobs: int | None) -> int:
     """The threads or processes asked for; by default one per core."""
+    if jobs is not None and jobs < 1:
+        raise InputError.of(f"--jobs {jobs}", "cannot be used", "Give at least 1, or leave it out: one per core")
     return jobs or os.cpu_count() or 1
 
 
@@ -119,22 +125,6 @@ def _named(option: str, entries: Iterable[str], read: Callable[[str], T], form: 
             found[name] = value
     raise_errors(issues)
     return found
-
-
-def new_file(target: Path, option: str = "--out") -> Path:
-    """The file, if it does not exist and can be written; else an `InputError`."""
-    if target.exists():
-        raise InputError.of(str(target), "exists already", f"Name another with {option}, or remove it")
-    return writable(target, option)
-
-
-def writable(target: Path, option: str = "--out") -> Path:
-    """The file, if its folder can be written to; else an `InputError`."""
-    if not target.parent.is_dir():
-        raise InputError.of(str(target), "its folder does not exist", "Make the folder first")
-    if not os.access(target.parent, os.W_OK):
-        raise InputError.of(str(target), "its folder is not writable", f"Name another folder with {option}")
-    return target
 
 
 def say(text: str) -> None:

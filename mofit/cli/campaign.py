@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mofit.cli.app import DONE, UNUSABLE, Json, app, new_file, print_json, say
+from mofit.cli.app import DONE, UNUSABLE, Json, app, print_json, say
 
 if TYPE_CHECKING:
     from mofit.data import Campaign
@@ -54,11 +54,12 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
         Campaign file to write. By default the plan's name with .nc.
     """
     from mofit.data import write_campaign
+    from mofit.runtime.output_file import output_file
     from mofit.simulation.virtual_rig.rig import simulate as run
 
-    target = new_file(out or Path(plan.with_suffix(".nc").name))
-    campaign = run(plan)
-    write_campaign(campaign, target)
+    with output_file(Path(plan.with_suffix(".nc").name) if out is None else out) as target:
+        campaign = run(plan)
+        write_campaign(campaign, target)
     return report_campaign(campaign, target, as_json)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -11,17 +13,17 @@ from mofit.cli.app import (
     DONE,
     NOT_IDENTIFIABLE,
     Effects,
+    Force,
     Jobs,
     Json,
     Seed,
     app,
     by_name,
     cores,
-    new_file,
     print_json,
     tests_by_name,
-    writable,
 )
+from mofit.errors import Issue, raise_errors
 
 ModelName = Annotated[
     str | None,
@@ -39,6 +41,23 @@ Samples = Annotated[int, Parameter(help="Number of parameter samples.")]
 Page = Annotated[Path | None, Parameter(help="HTML page to write.")]
 
 
+@contextmanager
+def _files(outputs: Mapping[str, Path | None], force: bool, inputs: Sequence[Path]) -> Iterator[None]:
+    """Claim the files that the options name, all before the work."""
+    from mofit.runtime.output_file import output_file
+
+    named = {option: path for option, path in outputs.items() if path is not None}
+    with ExitStack() as claims:
+        raise_errors(
+            Issue(f"{option} {path}", "two outputs have this name", "Name another file")
+            for option, path in list(named.items())[1:]
+            if path.absolute() == next(iter(named.values())).absolute()
+        )
+        for option, path in named.items():
+            claims.enter_context(output_file(path, option, force=force, inputs=inputs))
+        yield
+
+
 @app.command
 def compare(
     *files: Path,
@@ -51,6 +70,7 @@ def compare(
     samples: Samples = 16,
     posterior: int = 0,
     out: Page = None,
+    force: Force = False,
     seed: Seed = 0,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -79,13 +99,15 @@ def compare(
     from mofit.design.text import augmentation_sentences
 
     inputs = Inputs(files, model, effect, by_name("--at", at), run, samples, seed, cores(jobs))
-    with progress_bar() as progress:
-        found = compare_files(inputs, parameter, tests_by_name("--group", group), posterior, progress)
-    summary = comparison_summary(found)
-    if out is not None:
-        from mofit.design.pages.comparison import write_comparison
+    groups = tests_by_name("--group", group)
+    with _files({"--out": out}, force, files):
+        with progress_bar() as progress:
+            found = compare_files(inputs, parameter, groups, posterior, progress)
+        summary = comparison_summary(found)
+        if out is not None:
+            from mofit.design.pages.comparison import write_comparison
 
-        summary["page"] = str(write_comparison(found, out))
+            summary["page"] = str(write_comparison(found, out))
     if as_json:
         print_json(summary)
     else:
@@ -113,6 +135,7 @@ def design(
     samples: Samples = 8,
     plan: Path | None = None,
     out: Page = None,
+    force: Force = False,
     seed: Seed = 0,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -151,10 +174,6 @@ def design(
     from mofit.design.prepare import Inputs
     from mofit.design.summary import design_summary
 
-    if plan is not None:
-        new_file(plan, "--plan")
-    if out is not None:
-        writable(out)
     job = DesignJob(
         inputs=Inputs((file,), model, effect, by_name("--at", at), run, samples, seed, cores(jobs)),
         space=space,
@@ -166,17 +185,18 @@ def design(
         robust=robust,
         ignore_existing=ignore_existing_tests,
     )
-    with progress_bar() as progress:
-        proposal = design_file(job, progress)
-    summary = design_summary(proposal)
-    if plan is not None:
-        from mofit.simulation.virtual_rig.plan import plan_text
+    with _files({"--plan": plan, "--out": out}, force, [file, *([space] if space else [])]):
+        with progress_bar() as progress:
+            proposal = design_file(job, progress)
+        summary = design_summary(proposal)
+        if plan is not None:
+            from mofit.design.design_job import write_plan
 
-        plan.write_text(plan_text(proposal.plan, f"Proposed by mofit design {file.name}."), encoding="utf-8")
-    if out is not None:
-        from mofit.design.pages.design import write_design_page
+            write_plan(proposal, plan)
+        if out is not None:
+            from mofit.design.pages.design import write_design_page
 
-        write_design_page(proposal, summary, out)
+            write_design_page(proposal, summary, out)
     if as_json:
         print_json(summary)
     else:

@@ -10,6 +10,7 @@ from mofit.cli.app import (
     UNUSABLE,
     Bounds,
     Effects,
+    Evaluations,
     Fixed,
     Jobs,
     Joint,
@@ -41,6 +42,7 @@ def identify(
     model: ModelName = None,
     effect: Effects = (),
     search: Search = DEFAULT_SEARCH,
+    evaluations: Evaluations = None,
     weights: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
@@ -70,7 +72,7 @@ def identify(
     out
         Folder of the run. By default the next free one under runs/.
     resume
-        Resume an interrupted run.
+        Resume an interrupted run of the same settings; without one, start.
     no_sample
         Skip the sampling: estimates with the standard deviations of the Laplace approximation; exit code 3.
     """
@@ -82,6 +84,7 @@ def identify(
         raise InputError.of("--all-freqs", "given together with --freq or --test", "Leave one of them out")
     settings = Settings(
         search=search,
+        evaluations=evaluations,
         weights=by_name("--weights", weights),
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),

@@ -7,10 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from mofit.cli.app import DONE, Json, new_file, print_json
+from mofit.cli.app import DONE, Json, print_json
 from mofit.cli.campaign import report_campaign
 from mofit.data.importers.registry import import_formats
 from mofit.errors import InputError
+from mofit.runtime.files import write_text
+from mofit.runtime.output_file import output_file
 
 _FORMATS = "; ".join(f"{known.name} ({', '.join(known.endings)})" for known in import_formats())
 
@@ -37,24 +39,30 @@ def import_(
         standard output.
     """
     from mofit.cli.output import progress_bar
-    from mofit.data import campaign_warnings, import_files, propose_map, write_campaign
+    from mofit.data import campaign_warnings, import_files, write_campaign
 
     if guess == (map is not None):
         hint = "Give --map MAP.toml to import, or --guess for a proposed map"
         raise InputError.of("import", "needs either --map or --guess", hint)
     if map is None:
-        return _report_map(propose_map(sources), new_file(out) if out else None, as_json)
-    target = new_file(out or Path(map.with_suffix(".nc").name))
-    campaign = import_files(sources, map)
-    write_campaign(campaign, target)
+        return _report_map(sources, out, as_json)
+    with output_file(Path(map.with_suffix(".nc").name) if out is None else out, inputs=(*sources, map)) as target:
+        campaign = import_files(sources, map)
+        write_campaign(campaign, target)
     with progress_bar() as progress:
         warnings = campaign_warnings(campaign, progress)
     return report_campaign(campaign, target, as_json, warnings)
 
 
-def _report_map(text: str, target: Path | None, as_json: bool) -> int:
-    if target:
-        target.write_text(text, encoding="utf-8")
+def _report_map(sources: tuple[Path, ...], target: Path | None, as_json: bool) -> int:
+    from mofit.data import propose_map
+
+    if target is None:
+        text = propose_map(sources)
+    else:
+        with output_file(target, inputs=sources) as file:
+            text = propose_map(sources)
+            write_text(file, text)
     if as_json:
         print_json({"map": text, "file": str(target) if target else None})
     else:

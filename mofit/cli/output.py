@@ -108,7 +108,11 @@ def _search_line(search: Mapping[str, Any]) -> str:
         return line
     if search["expected_undiscovered"] is None:
         return f"{line} The search was not complete: how many minima are undiscovered is not known."
-    spent = "" if search["complete"] else " The budget was spent before this number fell below its limit."
+    spent = (
+        ""
+        if search["complete"]
+        else " The budget was spent before this number fell below its limit; --evaluations gives more."
+    )
     return f"{line} Expected undiscovered: {search['expected_undiscovered']:.2g}.{spent}"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, new_file, print_json
+from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json
 
 
 @app.command
@@ -84,10 +84,11 @@ def export(
     from mofit.results import open_result
     from mofit.results.export import c_source, identified_function, model_of_run, parameters_csv, parameters_toml
     from mofit.runtime.files import atomic_path
+    from mofit.runtime.output_file import output_file
 
     tree = open_result(run)
-    target = new_file(out or Path(f"{tree.attrs['model']}.{to}".replace("+", "_")))
-    with atomic_path(target) as temporary:
+    file = Path(f"{tree.attrs['model']}.{to}".replace("+", "_")) if out is None else out
+    with output_file(file) as target, atomic_path(target) as temporary:
         if to in ("toml", "csv"):
             text = (parameters_toml if to == "toml" else parameters_csv)(tree)
             temporary.write_text(text, encoding="utf-8")

@@ -78,6 +78,8 @@ def compare_files(
     InputError
         With what is wrong with files and options.
     """
+    if posterior < 0:
+        raise InputError.of(f"--posterior {posterior}", "is below 0", "Give a number of experiments")
     groups = groups or {}
     progress("read", 0, len(inputs.files), "")
     named = tuple(dict.fromkeys(test for tests in groups.values() for test in tests))

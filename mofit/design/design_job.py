@@ -15,8 +15,10 @@ from mofit.design.prepare import Inputs, Prepared, prepare
 from mofit.design.sources import Source
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Model, find_effect
+from mofit.runtime.files import write_text
+from mofit.runtime.output_file import PLAN_MARK
 from mofit.runtime.progress import Progress, silent
-from mofit.simulation.virtual_rig.plan import Plan, TestPlan
+from mofit.simulation.virtual_rig.plan import Plan, TestPlan, plan_text
 from mofit.units import Quantity, parse_quantity
 
 
@@ -95,6 +97,13 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     return Proposal(
         job, tuple(effect.name for effect in effects), found, space, _plan(base, found), (*source.notes, *notes)
     )
+
+
+def write_plan(proposal: Proposal, path: Path) -> None:
+    """Write the design's tests as a plan for `mofit simulate`."""
+    (file,) = proposal.job.inputs.files
+    heading = f"{PLAN_MARK.removeprefix('# ')} {file.name}."
+    write_text(path, plan_text(proposal.plan, heading))
 
 
 def _budget(given: Quantity | None, source: Source, overhead: float) -> tuple[float, list[str]]:

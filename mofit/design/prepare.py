@@ -15,7 +15,8 @@ from mofit.data import Campaign, read_campaign
 from mofit.design.criteria import with_neutral
 from mofit.design.information import SourceInformation, source_information
 from mofit.design.sources import Source, measured_source, planned_source
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
+from mofit.identification.settings import is_seed
 from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
 from mofit.parameters import ParameterSpace
 from mofit.results import open_result
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 #: Half the width of the box around reference values, as a share of the bounds: how uncertain they are beforehand.
 HALF_WIDTH = 0.15
+#: Parameter samples at most: medians over them do not change any more, and every test is simulated at each.
+MOST_SAMPLES = 10_000
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,14 @@ class Inputs:
     seed: int = 0
     jobs: int = 1
     """Seed of every random draw; threads."""
+
+    def __post_init__(self) -> None:
+        checks = [
+            ("samples", 1 <= self.samples <= MOST_SAMPLES, f"Give 1 to {MOST_SAMPLES}"),
+            ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
+            ("jobs", self.jobs >= 1, "Give at least 1"),
+        ]
+        check_settings("design", self, checks)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from mofit.errors import Issue, did_you_mean, raise_errors
 from mofit.identification.calibration import calibrate
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
-from mofit.problem import Problem, build_problem
+from mofit.problem import Problem, build_problem, model_failures
 from mofit.simulation.virtual_rig.plan import Plan
 from mofit.simulation.virtual_rig.setup import set_up
 
@@ -103,6 +103,7 @@ def measured_source(
     main: list[DesignTest] = []
     if own:
         problem = build_problem(model, campaign.select([e.name for e in own]), jobs=jobs)
+        raise_errors(model_failures(problem, values))
         main = _measured(problem, 0, own, problem.space.to_unit(values))
     tests = [*main]
     for stage in stages:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model
@@ -33,12 +35,12 @@ _NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it
 
 
 def diagnose(
-    campaign: Campaign,
-    model: Model,
-    effects: Sequence[str] = (),
+    campaign: Campaign | str | Path,
+    model: Model | str,
+    effects: str | Sequence[str] = (),
     settings: Settings | None = None,
     *,
-    tests: Sequence[str] = (),
+    tests: str | Sequence[str] = (),
     diagnosis: DiagnosisSettings | None = None,
     simulators: SimulatorCache | None = None,
     progress: Progress = silent,
@@ -48,15 +50,16 @@ def diagnose(
     Parameters
     ----------
     campaign
-        The measurements.
+        The measurements, or the path of their file.
     model
-        The model without effects.
+        The model without effects, or its name: a shipped one's, or ``path/to/file.py:Name``.
     effects
-        Candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join them.
+        Name or names of candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join
+        them.
     settings
         Bounds, fixed parameters, seed, threads; the rest is for identifications.
     tests
-        Names of the tests; all of the model's kinds if none is named.
+        Name or names of the tests; all of the model's kinds if none is named.
     diagnosis
         Settings of the method.
     simulators
@@ -70,10 +73,11 @@ def diagnose(
         If campaign, model and effects don't fit together.
     """
     began = time.process_time()
+    campaign, model = as_campaign(campaign), as_model(model)
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
-    tests = choose_tests(model, campaign, tests)
+    tests = choose_tests(model, campaign, as_names(tests))
     selected = campaign.select(tests)
-    named, left_out = choose_effects(model, selected, effects)
+    named, left_out = choose_effects(model, selected, as_names(effects))
     scales = data_scales(model, selected)
     chosen = [ranged(effect, scales, settings.bounds) for effect in named]
     of_effects = {parameter.name for effect in chosen for parameter in effect.parameters}

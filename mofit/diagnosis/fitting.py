@@ -22,6 +22,7 @@ from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.parameters import ParameterSpace
+from mofit.problem import explained
 
 #: Starts of the baseline beside those given; and the most minima of the search among these.
 _STARTS, _MINIMA = 7, 8
@@ -207,7 +208,8 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
     starts = np.concatenate([starts, np.where(searched, scattered, start)])
     model = model.at_steps_for(start[None])
-    first = fit(model, starts)
+    with explained(observed.problem):
+        first = fit(model, starts)
     # the minimum may be stiffer than the start
     model = model.at_steps_for(first.minimum.point[None])
     return fit(model, first.minimum.point[None]).without_tables()

@@ -13,7 +13,7 @@ from mofit.errors import InputError
 from mofit.models import Model, Stage, find_model
 from mofit.optimize import merge, refine
 from mofit.parameters import ParameterSpace
-from mofit.problem import GaussianPrior, Problem, adjusted_posterior, build_problem
+from mofit.problem import GaussianPrior, Problem, adjusted_posterior, build_problem, explained
 from mofit.sampling import laplace_covariance
 
 #: Starts per stage; a power of two keeps the Sobol points balanced. Stages have two or three parameters.
@@ -116,9 +116,10 @@ def _fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
 
     scattered = qmc.Sobol(len(problem.space), rng=seed).random(STARTS)
     starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], scattered])
-    minima = merge(refine(problem.evaluate, starts))
-    if not minima:
-        raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
+    with explained(problem):
+        minima = merge(refine(problem.evaluate, starts))
+        if not minima:
+            raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
     problem = problem.with_noise_at(minima[0].point)
     best = merge(refine(problem.evaluate, minima[0].point[None]))[0]
     return Calibration(stage, problem, best.point, adjusted_posterior(problem, best.point).hessian)

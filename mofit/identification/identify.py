@@ -14,6 +14,7 @@ import xarray as xr
 from mofit.data import Campaign
 from mofit.identification.estimates import estimates
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
+from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult, Located, PosteriorMode
@@ -26,7 +27,7 @@ from mofit.results import write_result
 from mofit.runtime.files import write_text
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
-from mofit.runtime.run_directory import plan_folder
+from mofit.runtime.run_directory import LOG, run_folder
 
 #: Point estimates of an identification that is not finished, in its folder.
 ESTIMATES_FILE = "estimates.json"
@@ -35,12 +36,12 @@ RESERVE = 8.0
 
 
 def identify(
-    campaign: Campaign,
-    model: Model,
+    campaign: Campaign | str | Path,
+    model: Model | str,
     settings: Settings | None = None,
     *,
-    tests: tuple[str, ...] = (),
-    out: Path | None = None,
+    tests: str | Sequence[str] = (),
+    out: str | Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> tuple[Path, xr.DataTree]:
@@ -49,17 +50,17 @@ def identify(
     Parameters
     ----------
     campaign
-        The measurements.
+        The measurements, or the path of their file.
     model
-        The model.
+        The model, or its name: a shipped one's, or ``path/to/file.py:Name``.
     settings
         Settings of the identification.
     tests
-        Names of the tests of the main identification; by default all whose excitation the model is made for.
+        Name or names of the tests of the main identification; by default all whose excitation the model is made for.
     out
         Folder of the run; by default the next free one under ``runs/``.
     resume
-        Take up an interrupted run with the same settings.
+        Take up an interrupted run with the same settings, if there is one.
     progress
         Called as ``progress(stage, done, total, note)``.
 
@@ -73,31 +74,33 @@ def identify(
     Raises
     ------
     InputError
-        If campaign, model and settings don't fit together; nothing is written then.
+        If campaign, model and settings don't fit together, or the folder can't be had; nothing is written then.
+    WriteError
+        If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
-    settings = settings or Settings()
+    campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
-    tests = choose_tests(model, campaign, tests)
+    chosen = choose_tests(model, campaign, as_names(tests))
     configuration = {
         "model": model.name,
         "equations": build_system(model).hash(),
         "campaign": campaign.hash(),
-        "tests": list(tests),
+        "tests": list(chosen),
         **settings.deciding(),
     }
-    folder = plan_folder(out, f"{_slug(campaign.title)}-{model.name}", configuration, resume=resume)
-
-    with report_beside() as drawn:
-        located = locate_minima(campaign, model, settings, tests, timer=timer, progress=progress)
+    stem = f"{_slug(campaign.title)}-{model.name}"
+    with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
+        log.write_to(folder.partial / LOG)
+        located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress)
         references = partial(fit_references, located, model, campaign, settings)
-        with folder.at_work(configuration) as unfinished, beside(references, settings.jobs > 1) as fitted:
-            log.write_to(unfinished / "run.log")
+        with beside(references, settings.jobs > 1) as fitted:
             with timer.measure("refine"):
                 minima = adjusted_modes(located.posterior, located.minima, settings)
-                write_text(unfinished / ESTIMATES_FILE, json.dumps(estimates(located.problem, minima), indent=1))
+                known = folder.partial / ESTIMATES_FILE
+                write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
             with timer.measure("sample"):
-                modes = sample_modes(minima, settings, unfinished / "chains.h5", progress, until)
+                modes = sample_modes(minima, settings, folder.partial / "chains.h5", progress, until)
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
             unconverged = (f"{mode.name}: {reason}" for mode in modes for reason in mode.chains.reasons)
@@ -112,11 +115,11 @@ def identify(
             )
             progress("write", 0, 1, "result and report")
             tree = assemble(result)
-            with drawn(tree, unfinished):
-                write_result(tree, unfinished)
+            with drawn(tree, folder.partial):
+                write_result(tree, folder.partial)
             for warning in (*(finding.text for finding in result.findings), *result.warnings):
                 log.note(f"warning: {warning}")
-            (unfinished / ESTIMATES_FILE).unlink()
+            known.unlink()
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
 

@@ -91,9 +91,15 @@ def set_up_problem(
 
 
 def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the tests of the main identification: those asked for, else all that suit the model."""
+    """Names of the tests of the main identification: those asked for, else all that suit the model.
+
+    Raises
+    ------
+    InputError
+        With every name that is not a test, or if no test suits the model.
+    """
     if tests:
-        return tuple(tests)
+        return campaign.select(tests).tests
     chosen = tuple(m.name for m in campaign.measurements if not model.excitations or m.kind in model.excitations)
     if not chosen:
         kinds = ", ".join(sorted({m.kind for m in campaign.measurements}))

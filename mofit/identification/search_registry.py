@@ -1,7 +1,8 @@
 """The registry of global searches: every module of `mofit.optimize.searches` is one.
 
 Its name is the module's, with hyphens; its description the first line of the module's docstring; its function is called
-``search``. Names and descriptions are read without importing the modules, so that command-line help stays quick.
+``search``. ``with_budget`` makes its settings from a number of evaluations, where it has one. Names and descriptions
+are read without importing the modules, so that command-line help stays quick.
 """
 
 from __future__ import annotations
@@ -66,6 +67,23 @@ def find_search(name: str) -> Search:
         raise InputError.of("--search", f"unknown search '{name}'", did_you_mean(name, known))
     found: Search = import_module(f"mofit.optimize.searches.{name.replace('-', '_')}").search
     return found
+
+
+def search_settings(name: str, evaluations: int | None) -> Any:
+    """Settings of the search of that name with a budget; None, its own ones, without.
+
+    Raises
+    ------
+    InputError
+        If there is no such search, or its budget is not counted in evaluations.
+    """
+    search = find_search(name)
+    if evaluations is None:
+        return None
+    with_budget = getattr(import_module(search.__module__), "with_budget", None)
+    if with_budget is None:
+        raise InputError.of("--evaluations", f"the search '{name}' takes no budget", "Leave it out")
+    return with_budget(evaluations)
 
 
 def _name(file: Path) -> str:

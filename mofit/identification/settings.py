@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from numbers import Integral
 
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.sampling import SampleSettings
+
+#: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
+FAR = 1e6
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,8 @@ class Settings:
         Name of the global search (`mofit.identification.search_registry`).
     weights
         Weight of a test's NRMSD in the search; 1 where not named.
+    evaluations
+        Budget of the global search; the search's own where it is None.
     seed
         Seed of every random draw.
     joint
@@ -42,6 +49,7 @@ class Settings:
     """
 
     search: str = DEFAULT_SEARCH
+    evaluations: int | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
     joint: bool = False
@@ -54,13 +62,29 @@ class Settings:
     sample: bool = True
     time_limit: float | None = None
 
-    def __post_init__(self) -> None:
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise InputError.of("--time-limit", f"{self.time_limit:g} s is no time", "Give more than 0 s, as in 60s")
-
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
         return {key: value for key, value in asdict(self).items() if key not in ("jobs", "time_limit")}
+
+    def __post_init__(self) -> None:
+        checks = [
+            ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
+            ("jobs", self.jobs >= 1, "Give at least 1"),
+            ("time_limit", self.time_limit is None or self.time_limit > 0, "Give more than 0 s"),
+            ("evaluations", self.evaluations is None or self.evaluations >= 50, "Give at least 50"),
+        ]
+        check_settings("identification", self, checks)
+        raise_errors(
+            Issue(f"{option} {name}={value:g}", "is not a finite number", "Give a number")
+            for option, given in (("--fix", self.fixed), ("--weights", self.weights))
+            for name, value in given.items()
+            if not math.isfinite(value)
+        )
+
+
+def is_seed(seed: object) -> bool:
+    """Whether a random generator takes it."""
+    return isinstance(seed, Integral) and int(seed) >= 0
 
 
 def free_space(model: Model, settings: Settings) -> ParameterSpace:
@@ -71,6 +95,12 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
         for name in (*settings.bounds, *settings.fixed)
         if name not in space.names
     )
+    raise_errors(
+        Issue(f"--fix {name}={value:g}", f"is far outside of the range of the model, {own.lower:g} to {own.upper:g}",
+              f"Give it in {own.unit}")
+        for name, value, own in ((name, value, space[name]) for name, value in settings.fixed.items())
+        if abs(value) > FAR * max(abs(own.lower), abs(own.upper))
+    )  # fmt: skip
     for name, (lower, upper) in settings.bounds.items():
         space = space.with_bounds(name, lower, upper)
     free = [name for name in space.names if name not in settings.fixed]

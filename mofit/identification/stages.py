@@ -17,14 +17,14 @@ from mofit.data import Campaign
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
-from mofit.identification.search_registry import find_search
+from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.settings import Settings
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_setup
 from mofit.models import Model
 from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
 from mofit.optimize import Progress as SearchProgress
-from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior
+from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
 from mofit.sampling import (
     Chains,
@@ -113,7 +113,10 @@ def search(
     )
     weights = np.array([settings.weights.get(name, 1.0) for name in problem.tests])
     run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
-    return run(problem.objectives, problem.gradients, len(problem.space), rng, None, weights, progress), weights
+    budget = search_settings(settings.search, settings.evaluations)
+    with explained(problem):
+        found = run(problem.objectives, problem.gradients, len(problem.space), rng, budget, weights, progress)
+    return found, weights
 
 
 def fit(setup: ProblemSetup) -> LocalFit:

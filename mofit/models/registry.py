@@ -16,6 +16,7 @@ from typing import TypeVar
 from mofit.errors import InputError, did_you_mean, raise_errors
 from mofit.models.effect import Effect
 from mofit.models.model import Model
+from mofit.models.users_code import users_code
 
 T = TypeVar("T", Model, Effect)
 
@@ -102,7 +103,9 @@ def _find(reference: str, kind: type[T]) -> T:
     if reference in shipped:
         return shipped[reference]()
     if reference.partition(":")[0].endswith(".py"):
-        return _own(reference, kind)()
+        own = _own(reference, kind)
+        with users_code(reference, f"making {own.__name__}", "Correct the file", inspect.getfile(own)):
+            return own()
     hint = f"{did_you_mean(reference, shipped)} Name one of your own as path/to/file.py:Name"
     raise InputError.of(f"{what} '{reference}'", "unknown name", hint)
 
@@ -118,11 +121,8 @@ def _own(reference: str, kind: type[T]) -> type[T]:
     assert spec.loader is not None  # there is one for every name that ends in .py
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    try:
+    with users_code(reference, "running it", "Correct the file", str(path)):
         spec.loader.exec_module(module)
-    except Exception as error:
-        message = f"running it raised {type(error).__name__}: {error}"
-        raise InputError.of(reference, message, "Correct the file") from error
     found = _classes(module, kind)
     if name in found:
         return found[name]

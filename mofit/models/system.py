@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Any
 
 import casadi as ca
 
-from mofit.errors import InputError, Issue, MofitError, did_you_mean, raise_errors, repeated
-from mofit.models.effect import ExtendedModel
-from mofit.models.model import Equations, Model, Symbols
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
+from mofit.models.effect import Effect, ExtendedModel
+from mofit.models.model import Applied, Apply, Equations, Model, Symbols
+from mofit.models.users_code import users_code
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ def build_system(model: Model) -> System:
     raise_errors(Issue(where, f"the name '{name}' is declared twice", "Rename one of them") for name in repeated(names))
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()
-    symbols = Symbols(base, groups["u"], [(effect.apply, target) for effect, target in effects])
+    applied = [(_guarded(effect), target) for effect, target in effects]
+    symbols = Symbols(base, groups["u"], applied)
     equations = _evaluated(where, model, symbols)
     outputs = {name: symbols.quantity(name, _sx(where, name, value)) for name, value in equations.outputs.items()}
     # an effect on an input that no equation uses still has states
@@ -95,18 +97,30 @@ def build_system(model: Model) -> System:
 
 def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:
     """The model's equations, if they are usable."""
-    try:
+    base = model.base if isinstance(model, ExtendedModel) else model
+    with users_code(where, "equations()", "Correct the model's equations", _file(base.equations)):
         equations = model.equations(symbols)
-    except MofitError:
-        raise
-    except Exception as error:
-        message = f"equations() raised {type(error).__name__}: {error}"
-        raise InputError.of(where, message, "Correct the model's equations") from error
     if not isinstance(equations, Equations):
         raise InputError.of(
             where, f"equations() returned {type(equations).__name__}", "Return Equations(outputs=…, derivatives=…)"
         )
     return equations
+
+
+def _guarded(effect: Effect) -> Apply:
+    """The effect's function, with the line where it fails."""
+
+    def apply(symbols: Symbols, value: ca.SX) -> Applied:
+        with users_code(f"effect '{effect.name}'", "apply()", "Correct the effect", _file(effect.apply)):
+            return effect.apply(symbols, value)
+
+    return apply
+
+
+def _file(function: Callable[..., Any]) -> str:
+    """Where a function is written."""
+    code = getattr(function, "__code__", None)
+    return code.co_filename if code else ""
 
 
 def _resolved(x0: ca.SX, x: ca.SX) -> ca.SX:

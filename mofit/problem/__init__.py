@@ -2,6 +2,7 @@
 
 from mofit.problem.adjusted import AdjustedPosterior, adjusted_posterior
 from mofit.problem.curvature_adjustment import Adjustment, Score, adjust
+from mofit.problem.failure import explained, model_failures
 from mofit.problem.likelihood import Noise, test_log_likelihood
 from mofit.problem.posterior import CampaignPosterior, JointProblem, Posterior
 from mofit.problem.prior import FLAT, GaussianPrior, join_priors
@@ -22,6 +23,8 @@ __all__ = [
     "adjust",
     "adjusted_posterior",
     "build_problem",
+    "explained",
     "join_priors",
+    "model_failures",
     "test_log_likelihood",
 ]

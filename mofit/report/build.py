@@ -13,6 +13,7 @@ import xarray as xr
 
 from mofit.errors import InputError
 from mofit.results import open_result
+from mofit.runtime.output_file import output_file
 from mofit.runtime.parallel import ready_beside
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ def build_report(folder: Path | str) -> Path:
     Raises
     ------
     InputError
-        If the folder has no readable ``result.nc``; nothing is written then.
+        If the folder has no readable ``result.nc``, or cannot be written to; nothing is written then.
     """
-    return write_report(open_result(folder), _folder(folder))
+    return _rebuilt("report", folder)
 
 
 def write_report(tree: xr.DataTree, folder: Path | str) -> Path:
@@ -60,7 +61,7 @@ def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Pa
 
     `tree` is its result, if that is in memory already.
     """
-    return _write("uncertainty", open_result(folder) if tree is None else tree, _folder(folder))
+    return _rebuilt("uncertainty", folder, tree)
 
 
 @contextmanager
@@ -128,6 +129,14 @@ def _folder(source: Path | str) -> Path:
     """The run folder, of which ``result.nc`` may be named instead."""
     path = Path(source)
     return path.parent if path.is_file() else path
+
+
+def _rebuilt(kind: str, source: Path | str, tree: xr.DataTree | None = None) -> Path:
+    """A page of a finished run, in place of an earlier one; its place is claimed before it is drawn."""
+    tree = open_result(source) if tree is None else tree
+    folder = _folder(source)
+    with output_file(folder / _PAGES[kind][0], kind, force=True):
+        return _write(kind, tree, folder)
 
 
 def _write(kind: str, tree: xr.DataTree, folder: Path) -> Path:

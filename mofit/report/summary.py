@@ -107,7 +107,8 @@ def _convergence(found: Headline) -> Raw:
         return banner(text, "fair" if found.findings or found.not_identified else "good")
     return banner(
         f"The sampling did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow "
-        "or in the wrong place.",
+        "or in the wrong place. Identify again with another --seed; if that does not converge either, --fix a "
+        "parameter that is not identified, or narrow its --bounds.",
         "bad",
     )
 

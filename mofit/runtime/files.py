@@ -2,17 +2,88 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import xarray as xr
 
-from mofit.errors import InputError
+from mofit.errors import InputError, WriteError
 
 #: values from which a variable is compressed: the header of a chunk takes more than a shorter one saves
 _SMALLEST_COMPRESSED = 256
+
+
+#: Errors of the system after which an output cannot be written.
+_REASONS = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the quota on the disk is used up",
+    errno.EFBIG: "the file would be larger than the system allows",
+    errno.EIO: "the disk fails",
+    errno.EROFS: "the disk is read-only",
+    errno.EACCES: "permission denied",
+    errno.EPERM: "permission denied",
+    errno.ENOTDIR: "a part of its path is no folder",
+    errno.EEXIST: "a part of its path is no folder",
+    errno.ENOENT: "its folder does not exist and cannot be made",
+    errno.ENAMETOOLONG: "the name is too long",
+}
+#: Of those, the ones that come while a file is being written.
+_WHILE_WRITING = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+#: What is needed at least so that a library's error is not laid to the disk [bytes].
+_ROOM = 1 << 20
+
+
+@contextmanager
+def writing(path: Path, hint: str = "Make room, then run the command again") -> Iterator[None]:
+    """Turn what the system, HDF5 or netCDF raise on a full disk into a `WriteError` about the path, with the hint."""
+    try:
+        yield
+    except WriteError as error:
+        raise error.with_hint(hint) from error
+    except (OSError, RuntimeError) as error:
+        if (number := _write_failure(error, path)) is None:
+            raise
+        raise WriteError.of(f"'{path}'", f"could not be written: {_REASONS[number]}", hint) from error
+
+
+def unwritable(where: str, error: Exception) -> InputError:
+    """What to say of a place where nothing can be written."""
+    if isinstance(error, WriteError):
+        return InputError([replace(error.issue, where=where)])
+    number = error.errno if isinstance(error, OSError) else None
+    reason = _REASONS.get(number or 0) or str(error)
+    return InputError.of(where, f"cannot be written: {reason}", "Name another place")
+
+
+def _write_failure(error: OSError | RuntimeError, path: Path) -> int | None:
+    """Number of the system's error behind an exception; None if it has another cause."""
+    number = getattr(error, "errno", None)
+    if number not in _WHILE_WRITING and (found := re.search(r"errno = (\d+)", str(error))):
+        number = int(found[1])  # HDF5 tells it in its text
+    if number not in _WHILE_WRITING and "HDF error" in str(error):
+        number = _no_room(path)  # netCDF does not tell it
+    return number if number in _WHILE_WRITING else None
+
+
+def _no_room(path: Path) -> int | None:
+    """What the system says to a megabyte more in a file, or in a folder."""
+    probe = (path if path.is_dir() else path.parent) / f".{os.getpid()}.probe"
+    size = path.stat().st_size if path.is_file() else 0
+    try:
+        handle = os.open(probe, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            os.posix_fallocate(handle, size, _ROOM)
+        finally:
+            os.close(handle)
+            probe.unlink(missing_ok=True)
+    except OSError as error:
+        return error.errno
+    return None
 
 
 @contextmanager
@@ -20,15 +91,22 @@ def atomic_path(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, which takes its place when the block ends well and vanishes otherwise.
 
     The content reaches the disk before the name changes, so a crash at any moment leaves the old file or the new one.
+
+    Raises
+    ------
+    WriteError
+        If the disk is full; the old file stays.
     """
     temporary = path.with_name(f".{path.name}.part")
     try:
-        yield temporary
-        _sync(temporary)
-        os.replace(temporary, path)
-        _sync(path.parent)
+        with writing(temporary):
+            yield temporary
+            _sync(temporary)
+            os.replace(temporary, path)
+            _sync(path.parent)
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # of a path that cannot be, too
+            temporary.unlink()
 
 
 def write_text(path: Path, text: str) -> None:

@@ -72,13 +72,18 @@ class Checkpoints:
         """The same run, saved if it is time: a new file, flushed to disk, takes the place of the old one."""
         if self.path is None or run is self.saved or not (last or monotonic() - self.time >= self.seconds):
             return run
-        with atomic_path(self.path) as temporary, h5py.File(temporary, "w") as new:
+        # in memory first: on a full disk HDF5 cannot close its file, and ends the process
+        with h5py.File(self.path.name, "w", driver="core", backing_store=False) as new:
             if self.path.exists():
                 with h5py.File(self.path, "r") as old:
                     for name in old:
                         if name != self.mode:
                             old.copy(name, new)
             self._write(new.create_group(self.mode), run)
+            new.flush()
+            image = new.id.get_file_image()
+        with atomic_path(self.path) as temporary:
+            temporary.write_bytes(image)
         self.saved, self.time = run, monotonic()
         return run
 
@@ -95,12 +100,18 @@ class Checkpoints:
         try:
             file = h5py.File(self.path, "r")
         except OSError as error:
-            raise InputError.of(
-                f"file '{self.path}'", f"cannot be read: {error}", "Remove it to start afresh"
-            ) from error
+            raise self._damaged(error) from error
         with file:
-            if self.mode not in file:
-                return None
+            try:
+                return self._loaded(file)
+            except (KeyError, OSError, RuntimeError, ValueError, TypeError) as error:
+                raise self._damaged(error) from error
+
+    def _damaged(self, error: Exception) -> InputError:
+        return InputError.of(f"file '{self.path}'", f"cannot be read: {error}", "Remove it to sample afresh")
+
+    def _loaded(self, file: h5py.File) -> Run | None:
+        if self.mode in file:
             group = file[self.mode]
             centre = np.asarray(group.attrs["centre"])
             same_start = centre.shape == self.centre.shape and np.allclose(centre, self.centre, atol=1e-6)

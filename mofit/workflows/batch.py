@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,7 +15,9 @@ from typing import Any
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model
-from mofit.runtime.files import write_text
+from mofit.runtime.claims import LOCK, TakenError, claim
+from mofit.runtime.files import unwritable, write_text, writing
+from mofit.runtime.names import named_path, shortened
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import differing_settings
 from mofit.workflows.batch_tasks import WORK, Row, Task, decided_by, work
@@ -66,7 +69,9 @@ def run_batch(job: BatchJob, progress: Progress = silent) -> list[Row]:
         find_model(job.model)
     for effect in job.effects:
         find_effect(effect)
-    out = job.out.resolve()
+    if job.processes < 1:
+        raise InputError.of(f"--jobs {job.processes}", "cannot be used", "Give at least 1")
+    out = named_path(job.out).resolve()
     settings = replace(job.settings, jobs=1)
     tasks = [
         Task(name, file.resolve(), out, job.what, job.model, job.effects, settings)
@@ -74,20 +79,39 @@ def run_batch(job: BatchJob, progress: Progress = silent) -> list[Row]:
     ]
     decided = decided_by(tasks[0])
     require_same(job.out, out / RECORD, decided)
-    (out / "rows").mkdir(parents=True, exist_ok=True)
-    write_text(out / RECORD, json.dumps(decided, indent=1) + "\n")
-    rows: dict[str, Row] = {}
-    progress(job.what, 0, len(tasks), "")
-    finished = on_cluster(tasks, job.scheduler, job.patience) if job.scheduler else locally(tasks, job.processes)
-    for row in finished:
-        rows[row.name] = row
-        progress(job.what, len(rows), len(tasks), f"{row.name}: {row.state}")
-    ordered = [rows[task.name] for task in tasks]
-    from mofit.workflows.batch_page import write_page, write_table  # draws
+    with _claimed(out), writing(out, "Make room, then run the same command again"):
+        require_same(job.out, out / RECORD, decided)  # another process may have begun meanwhile
+        (out / "rows").mkdir(exist_ok=True)
+        write_text(out / RECORD, json.dumps(decided, indent=1) + "\n")
+        rows: dict[str, Row] = {}
+        progress(job.what, 0, len(tasks), "")
+        finished = on_cluster(tasks, job.scheduler, job.patience) if job.scheduler else locally(tasks, job.processes)
+        for row in finished:
+            rows[row.name] = row
+            progress(job.what, len(rows), len(tasks), f"{row.name}: {row.state}")
+        ordered = [rows[task.name] for task in tasks]
+        from mofit.workflows.batch_page import write_page, write_table  # draws
 
-    write_table(ordered, job.what, out / TABLE)
-    write_page(ordered, job.what, out / PAGE)
-    return ordered
+        write_table(ordered, job.what, out / TABLE)
+        write_page(ordered, job.what, out / PAGE)
+        return ordered
+
+
+@contextmanager
+def _claimed(out: Path) -> Iterator[None]:
+    """The folder, made if need be, for one batch at a time."""
+    where = f"--out {shortened(out)}"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        held = claim(out / LOCK)
+    except TakenError as error:
+        raise InputError.of(where, str(error), "Wait for it, or choose another folder") from None
+    except OSError as error:
+        raise unwritable(where, error) from None
+    try:
+        yield
+    finally:
+        held.release()
 
 
 def find_campaigns(places: Sequence[Path]) -> dict[str, Path]:
@@ -120,7 +144,9 @@ def find_campaigns(places: Sequence[Path]) -> dict[str, Path]:
 
 def require_same(out: Path, record: Path, now: Mapping[str, Any]) -> None:
     """Refuse a folder that holds something else, or a batch with other settings; names those that differ."""
-    if not record.exists() and out.exists() and any(out.iterdir()):
+    if out.exists() and not out.is_dir():
+        raise InputError.of(f"--out {out}", "is no folder", "Choose another name")
+    if not record.exists() and out.exists() and any(path.name != LOCK for path in out.iterdir()):
         raise InputError.of(f"--out {out}", "exists already and holds no batch", "Choose another folder")
     if differing := differing_settings(record, now):
         message = f"a batch with other settings is there ({', '.join(differing)})"

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mofit.data import Campaign, read_campaign
-from mofit.errors import InputError
+from mofit.errors import InputError, WriteError
 from mofit.identification.settings import Settings
 from mofit.quantities import CONDITIONS
 from mofit.results import open_result, summary
 from mofit.runtime.files import write_text
-from mofit.runtime.run_directory import partial_folder
 from mofit.workflows.jobs import Job, diagnose_file, identify_file
 
 State = Literal["done", "not converged", "failed"]
@@ -116,7 +115,7 @@ def work(task: Task) -> Row:
             units = {name: campaign.units.get(name) or CONDITIONS[name].unit for name in conditions}
             empty = replace(empty, conditions=conditions, units=units, key=task.key(campaign))
             row = _kept(task, empty) or _finished(empty, _RUN[task.what](task))
-        except InputError as error:
+        except (InputError, WriteError) as error:
             row = replace(empty, message=str(error))
         except Exception:  # noqa: BLE001 - one campaign must not stop the others
             log = task.out / f"{task.name}.log"
@@ -156,14 +155,12 @@ def _finished(row: Row, found: dict[str, Any]) -> Row:
 def _identify(task: Task) -> dict[str, Any]:
     if task.folder.exists():  # finished, and ended before its row was written
         return summary(open_result(task.folder), task.folder)
-    resume = partial_folder(task.folder).exists()
-    job = Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder, resume=resume)
+    job = Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder, resume=True)
     return identify_file(job)[1]
 
 
 def _diagnose(task: Task) -> dict[str, Any]:
-    for left in (task.folder, partial_folder(task.folder)):
-        shutil.rmtree(left, ignore_errors=True)
+    shutil.rmtree(task.folder, ignore_errors=True)  # finished, and ended before its row was written
     return diagnose_file(Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder))[1]
 
 

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from mofit.data import Campaign, bundled_campaign, read_campaign
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError
 from mofit.identification.identify import Settings, identify
 from mofit.models import Model, default_model, find_effect, find_model, with_effects
 from mofit.quantities import EXCITATION_KINDS
 from mofit.results import summary
 from mofit.runtime.progress import Progress, silent
-from mofit.runtime.run_directory import plan_folder
+from mofit.runtime.run_directory import run_folder
 
 #: Relative difference between a frequency that a user writes and that of a test.
 FREQUENCY_TOLERANCE = 1e-3
@@ -60,11 +60,11 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     campaign, model = _inputs(job, progress)
     effects, seed = list(job.effects), job.settings.seed
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
-    folder = plan_folder(job.out, f"diagnosis-{model.name}", configuration, resume=False)
-    found = diagnose(campaign, model, effects, job.settings, tests=_tests(campaign, model, job), progress=progress)
-    with folder.at_work(configuration) as unfinished:
+    tests = _tests(campaign, model, job)
+    with run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False) as folder:
+        found = diagnose(campaign, model, effects, job.settings, tests=tests, progress=progress)
         progress("write", 0, 1, "page")
-        write_diagnosis(found, unfinished)
+        write_diagnosis(found, folder.partial)
     return folder.target, plain(found)
 
 
@@ -90,9 +90,5 @@ def _tests(campaign: Campaign, model: Model, job: Job) -> tuple[str, ...]:
             hint = f"The campaign has {', '.join(f'{label:g}' for label in sorted(set(labels.values())))} Hz"
             raise InputError.of(f"--freq {frequency:g}", "no test has this frequency", hint)
         tests += found
-    raise_errors(
-        Issue(f"--test {name}", "the campaign has no such test", did_you_mean(name, campaign.tests))
-        for name in job.tests
-        if name not in campaign.tests
-    )
+    campaign.select(job.tests)
     return tuple(dict.fromkeys([*tests, *job.tests]))

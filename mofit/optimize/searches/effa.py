@@ -38,6 +38,12 @@ class EffaSettings:
     """Where descents end although the gradient does not vanish."""
 
 
+def with_budget(evaluations: int) -> EffaSettings:
+    """The settings with another budget for the whole search."""
+    default = EffaSettings()
+    return replace(default, completion=replace(default.completion, evaluations=evaluations))
+
+
 def search(
     objectives: Objectives,
     gradients: Gradients,

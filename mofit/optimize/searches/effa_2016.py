@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,6 +54,12 @@ class EffaSettings:
             ("delta", 0 < self.delta <= 1, "Give a value in (0, 1]"),
         ]
         check_settings("search", self, checks)
+
+
+def with_budget(evaluations: int) -> EffaSettings:
+    """The settings with as many iterations as a budget allows: every one evaluates all fireflies."""
+    default = EffaSettings()
+    return replace(default, iterations=max(evaluations // default.members - 1, 0))
 
 
 def search(

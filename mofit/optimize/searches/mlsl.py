@@ -10,6 +10,11 @@ from mofit.optimize.mlsl_settings import MlslSettings
 from mofit.optimize.single_linkage import SingleLinkage
 
 
+def with_budget(evaluations: int) -> MlslSettings:
+    """The settings with another budget."""
+    return MlslSettings(evaluations=evaluations)
+
+
 def search(
     objectives: Objectives,
     gradients: Gradients,

@@ -54,6 +54,11 @@ class SurrogateSettings:
     """Settings of the search on the surrogate, whose evaluations are cheap."""
 
 
+def with_budget(evaluations: int) -> SurrogateSettings:
+    """The settings with another budget."""
+    return SurrogateSettings(evaluations=evaluations)
+
+
 def search(
     objectives: Objectives,
     gradients: Gradients,

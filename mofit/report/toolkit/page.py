@@ -42,6 +42,7 @@ from markupsafe import Markup
 from mofit.report.toolkit.blocks import Section
 from mofit.report.toolkit.figures import styled
 from mofit.runtime.files import atomic_path
+from mofit.runtime.output_file import PAGE_MARK
 from mofit.runtime.parallel import forked_map
 
 T = TypeVar("T")
@@ -88,7 +89,12 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     )
     inline = {name: Markup((folder / name).read_text(encoding="utf-8")) for name in ("page.css", "page.js")}
     return environment.get_template("page.html.j2").render(
-        title=title, subtitle=subtitle, sections=sections, style=inline["page.css"], script=inline["page.js"]
+        title=title,
+        subtitle=subtitle,
+        sections=sections,
+        mark=Markup(PAGE_MARK),
+        style=inline["page.css"],
+        script=inline["page.js"],
     )
 
 

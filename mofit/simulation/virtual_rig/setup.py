@@ -15,11 +15,14 @@ from mofit.models import Channel, Effect, Model, build_system, find_effect, find
 from mofit.quantities import CONDITIONS
 from mofit.simulation.experiment import TIME_CONDITIONS
 from mofit.simulation.virtual_rig.plan import EffectPlan, NoisePlan, Plan, TestPlan
-from mofit.simulation.virtual_rig.signals import excitation
+from mofit.simulation.virtual_rig.signals import excitation, sample_count
 from mofit.units import Quantity, parse_quantity
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+#: Samples of all tests together that fit into the memory of a small machine, with some ten numbers for each.
+MOST_SAMPLES = 20_000_000
 
 _UNITS = {"sample_rate": "Hz", "frequency": "Hz", "last_frequency": "Hz", "duration": "s", "delay": "s"}
 
@@ -97,7 +100,17 @@ def set_up(plan: Plan, where: str) -> Setup:
     tests = tuple(check.test(test, _responding(model, joining, test.kind), conditions) for test in plan.tests)
     noise, pause = check.noise(plan.noise, tests), check.number("pause", plan.pause, "s")
     raise_errors(check.issues)
+    _require_memory(where, tests)
     return Setup(values, conditions, units, noise, pause, tests)
+
+
+def _require_memory(where: str, tests: Sequence[TestSetup]) -> None:
+    counts = {test.plan.name: sample_count(test.plan.kind, test.settings) for test in tests}
+    total, longest = sum(counts.values()), max(counts, key=lambda name: counts[name])
+    if not total <= MOST_SAMPLES:
+        message = f"its tests have {total:.3g} samples, test '{longest}' alone {counts[longest]:.3g}"
+        hint = f"At most {MOST_SAMPLES:.0e} fit: lower the sample rate, or the durations (--budget of a design)"
+        raise InputError.of(where, message, hint)
 
 
 def _excited(model: Model) -> Channel:

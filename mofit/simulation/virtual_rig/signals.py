@@ -21,6 +21,11 @@ class Excitation:
     frequency: float | None = None
 
 
+def sample_count(kind: str, values: Mapping[str, float]) -> float:
+    """Samples of a test of these settings, which may be more than any memory holds."""
+    return _duration(kind, values) * values["sample_rate"]
+
+
 def excitation(
     kind: str, values: Mapping[str, float], lines: tuple[int, ...] | None, rng: np.random.Generator
 ) -> Excitation:
@@ -38,10 +43,7 @@ def excitation(
     """
     amplitude, rate = values["amplitude"], values["sample_rate"]
     frequency = values.get("frequency")
-    if kind == "quasi_static":
-        duration = 4 * abs(amplitude) / values["ramp_rate"]
-    else:
-        duration = values["duration"] if "duration" in values else values["periods"] / values["frequency"]
+    duration = _duration(kind, values)
     time = np.arange(max(round(duration * rate), 2) + (kind == "quasi_static")) / rate
     if kind == "step":
         travel = np.clip((time - values.get("delay", 0.0)) * values["ramp_rate"], 0, abs(amplitude))
@@ -60,6 +62,13 @@ def excitation(
         signal = np.cos(omega * orders * time[:, None] + phases).sum(axis=1)
         return Excitation(time, amplitude * signal / np.max(np.abs(signal)), "cubic", frequency)
     return Excitation(time, amplitude * np.sin(omega * time), "cubic", frequency)
+
+
+def _duration(kind: str, values: Mapping[str, float]) -> float:
+    """How long a test takes [s]."""
+    if kind == "quasi_static":
+        return 4 * abs(values["amplitude"]) / values["ramp_rate"]
+    return values["duration"] if "duration" in values else values["periods"] / values["frequency"]
 
 
 def noise(
