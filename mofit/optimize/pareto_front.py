@@ -20,6 +20,8 @@ _DIRECTIONS = 2**14
 _BATCH = 32
 #: Points of the front that a new one is drawn between.
 _PARENTS = 3
+#: Standard deviation, in box widths, of a coordinate in which all points of the front are the same.
+_SAME = 1e-9
 
 
 def nondominated(objectives: FloatArray) -> Indices:
@@ -130,7 +132,7 @@ def fill_front(log: EvaluationLog, archive: MinimaArchive, rng: np.random.Genera
 
 def _farthest(drawn: FloatArray, known: FloatArray, count: int) -> Indices:
     """Which of the points drawn are farthest from the known ones and from those chosen before, in ascending order."""
-    scale = np.maximum(known.std(axis=0), np.finfo(float).tiny)
+    scale = np.maximum(known.std(axis=0), _SAME)  # a coordinate in which all are equal counts nothing
     distance = cKDTree(known / scale).query(drawn / scale)[0]
     chosen = np.empty(count, dtype=np.int64)
     for place in range(count):

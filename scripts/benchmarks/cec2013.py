@@ -172,9 +172,10 @@ def run(
 
 
 def _code() -> str:
-    """Short hash of what the runs depend on: the searches and the functions."""
+    """Short hash of what the runs depend on: the searches and the functions; one objective has no front."""
     folder = Path(mofit.__file__).parent / "optimize"
-    files = [*sorted(folder.rglob("*.py")), Path(__file__).with_name("cec2013_functions.py")]
+    searches = [file for file in sorted(folder.rglob("*.py")) if file.name != "pareto_front.py"]
+    files = [*searches, Path(__file__).with_name("cec2013_functions.py")]
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
