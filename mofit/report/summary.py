@@ -11,6 +11,7 @@ from mofit._typing import FloatArray
 from mofit.report.run import PLAUSIBLE, Run, numbers
 from mofit.report.toolkit.blocks import Block, Raw, Section, Text, banner, bullets, cards
 from mofit.report.toolkit.formatting import count, listed, number, percent, plus_minus, symbol, unit_text, whole_percent
+from mofit.results import green
 
 _NOTABLE = 1.2
 """Ratio of a test's error to its noise floor from which the worst test is named."""
@@ -24,6 +25,8 @@ class Headline:
     """The figures of the headline; NRMSD are means over the tests that the best mode predicts."""
 
     converged: bool
+    green: bool
+    """Nothing speaks against the numbers."""
     sampled: bool
     findings: list[dict[str, str]]
     """What to know before the numbers: kind, level and text."""
@@ -50,6 +53,7 @@ def extract_headline(run: Run) -> Headline:
     r_hat, ess = (_finite(*(mode.array(name) for mode in run.plausible)) for name in ("r_hat", "ess"))
     return Headline(
         converged=run.converged,
+        green=green(run.tree),
         sampled=run.best.sampled,
         findings=run.findings,
         plausible=len(run.plausible),
@@ -104,7 +108,7 @@ def _convergence(found: Headline) -> Raw:
     figures = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {ess}"
     if found.converged:
         text = f"The sampling converged: independent ensembles agree ({figures})."
-        return banner(text, "fair" if found.findings or found.not_identified else "good")
+        return banner(text, "good" if found.green else "fair")
     return banner(
         f"The sampling did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow "
         "or in the wrong place. Identify again with another --seed; if that does not converge either, --fix a "

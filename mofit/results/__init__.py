@@ -2,7 +2,7 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import open_result, write_result
-from mofit.results.reading import findings, parameter_layout, summary
+from mofit.results.reading import findings, green, parameter_layout, summary
 from mofit.results.schema import OWN_UNIT, SCHEMA
 from mofit.results.variables import (
     Signal,
@@ -24,6 +24,7 @@ __all__ = [
     "draw_axes",
     "draws_dataset",
     "findings",
+    "green",
     "group_dataset",
     "open_result",
     "parameter_axis",

@@ -29,6 +29,13 @@ def parameter_layout(tree: xr.DataTree) -> ParameterLayout:
     return ParameterLayout((*space.names, *fixed), space, fixed)
 
 
+def green(tree: xr.DataTree) -> bool:
+    """Whether nothing speaks against the numbers: sampled to the end, every parameter identified, nothing found."""
+    best = tree["modes/m1"].dataset
+    verdicts = {str(verdict) for verdict in best["verdict"].values} if "verdict" in best else set()
+    return bool(tree.attrs["converged"]) and not findings(tree) and verdicts == {"identified"}
+
+
 def fixed_values(tree: xr.DataTree) -> dict[str, float]:
     """Parameters that the run did not identify, with the values it fixed them at (``--fix``)."""
     return {name: float(value) for name, value in json.loads(tree.attrs["configuration"]).get("fixed", {}).items()}
@@ -46,6 +53,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "run": str(run),
         "converged": bool(tree.attrs["converged"]),
         "trusted": trusted(tree),
+        "green": green(tree),
         "findings": findings(tree),
         "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),

@@ -27,8 +27,6 @@ def said(answer: dict[str, Any] | None, code: int | None) -> dict[str, Any]:
     """
     answer = answer or {}
     warnings = answer.get("warnings") or []
-    fit = answer.get("fit") or {}
-    trusted = code == 0 and not warnings and bool(answer.get("converged", True))
     modes = [
         {
             "probability": mode.get("probability"),
@@ -39,7 +37,7 @@ def said(answer: dict[str, Any] | None, code: int | None) -> dict[str, Any]:
         }
         for mode in answer.get("modes", [])
     ]
-    return {"green": bool(fit.get("green", trusted)) and code == 0, "warnings": warnings, "modes": modes}
+    return {"green": bool(answer.get("green")) and code == 0, "warnings": warnings, "modes": modes}
 
 
 def judged(system: System, answer: dict[str, Any] | None, code: int | None) -> dict[str, Any]:
