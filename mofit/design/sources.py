@@ -17,7 +17,9 @@ from mofit.identification.calibration import calibrate
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, build_problem, model_failures
+from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.virtual_rig.plan import Plan
+from mofit.simulation.virtual_rig.rig import run_plan
 from mofit.simulation.virtual_rig.setup import set_up
 
 #: Width, in the unit cube, of the neighbourhood in which a campaign is simulated for its residuals.
@@ -73,6 +75,8 @@ def planned_source(name: str, plan: Plan, model: Model, named: Sequence[str] = (
     """
     setup = set_up(plan, f"plan '{name}'")
     noise = {channel: ChannelNoise(**settings) for channel, settings in setup.noise.items()}
+    if model.typical:
+        model = scaled(model, data_scales(model, run_plan(plan)))
     space = ParameterSpace(model.parameters)
     values = np.array([setup.values.get(parameter.name, parameter.nominal) for parameter in space.parameters])
     notes = []
@@ -95,6 +99,7 @@ def measured_source(
     The seed is that of the starts of the calibration stages.
     """
     _require(name, named, campaign.tests)
+    model = scaled(model, data_scales(model, campaign))
     space = ParameterSpace(model.parameters)
     stages, _ = calibrate(model, campaign, space, seed=seed, jobs=jobs)
     known = {key: value for stage in stages for key, value in stage.values.items()}

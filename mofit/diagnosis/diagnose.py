@@ -26,7 +26,7 @@ from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
-from mofit.models import Effect, Model
+from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation.ranges import data_scales
 
@@ -75,6 +75,7 @@ def diagnose(
     began = time.process_time()
     campaign, model = as_campaign(campaign), as_model(model)
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
+    build_system(model)  # what is wrong with it is told before anything else
     tests = choose_tests(model, campaign, as_names(tests))
     selected = campaign.select(tests)
     named, left_out = choose_effects(model, selected, as_names(effects))

@@ -26,7 +26,8 @@ def test_it_says_whether_the_search_was_complete(capsys, undiscovered, complete,
         "complete": complete,
     }
     show_identification(
-        {"modes": [], "search": search, "warnings": [], "converged": True, "seconds": {"total": 1.0}}, Path("run")
+        {"modes": [], "search": search, "findings": [], "warnings": [], "converged": True, "seconds": {"total": 1.0}},
+        Path("run"),
     )
     printed = " ".join(capsys.readouterr().out.split())
     assert said in printed

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mofit.optimize.cma import adapt
-from mofit.optimize.rough_landscape import _Deepest
 from mofit.optimize.searches.effa import EffaSettings, search
 
 STARTS = np.array([[0.2, 0.9, 0.4, 0.6, 0.1], [0.8, 0.2, 0.5, 0.3, 0.7], [0.5, 0.5, 0.9, 0.9, 0.5]])
@@ -121,13 +120,3 @@ def test_equal_seeds_find_the_same_in_rough_landscapes():
     first, again = (search(weierstrass, steep, 2, np.random.default_rng(5), with_budget(8_000)) for _ in range(2))
     assert np.array_equal(first.points, again.points)
     assert np.array_equal(first.archived, again.archived)
-
-
-def test_runs_that_would_meet_save_evaluations():
-    """Of runs from the same start, one goes on to the end."""
-    rough = EffaSettings().rough
-    deepest = _Deepest(5, 0.0, rough, np.inf)
-    runs = adapt(stiff, np.tile(STARTS[:1], (6, 1)), np.full(6, 0.1), np.random.default_rng(0), stop=deepest.stop)
-    assert runs.converged.sum() == 1
-    deepest.add(runs)
-    assert deepest.points == pytest.approx(CENTRE[None], abs=1e-6)

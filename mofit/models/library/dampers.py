@@ -139,7 +139,7 @@ class BoucWenDamper(Damper):
             "q", "1/m", -100.0, 100.0, 0.0, description="asymmetry of the stiffness", scales=powers(displacement=-1)
         ),
         Parameter("F_y", "N", 1.0, 2e3, 100.0, "log", "yield force of the hysteresis", scales=FORCE),
-        Parameter("delta", "m", 1e-5, 1e-2, 3e-4, "log", "yield length of the hysteresis", scales=STROKE),
+        Parameter("delta", "m", 2e-5, 1e-2, 3e-4, "log", "yield length of the hysteresis", scales=STROKE),
         Parameter("F_r", "N", 1.0, 2e3, 100.0, "log", "friction per factor e of speed", scales=FORCE),
         Parameter("v_s", "m/s", 1e-4, 1e-1, 3e-3, "log", "speed above which friction is logarithmic", scales=SPEED),
         OFFSET,
