@@ -5,19 +5,22 @@ from __future__ import annotations
 import atexit
 import gc
 import os
+import sys
+import warnings
 from collections.abc import Sequence
 
 from cyclopts import CycloptsError
 
 # they register their commands
 from mofit.cli import campaign, design, identify, runs  # noqa: F401
-from mofit.cli.app import DONE, INTERRUPTED, UNEXPECTED, UNUSABLE, app, say
+from mofit.cli.app import DONE, INTERRUPTED, NOT_CONVERGED, UNEXPECTED, UNUSABLE, app, say
+from mofit.cli.time_limit import TimeIsUp
 from mofit.cli.unexpected import command_line, log_unexpected
 from mofit.errors import MofitError
 
 #: What a user can do after Ctrl-C, by command; the others keep nothing.
 _AFTER_INTERRUPTION = {
-    "identify": "Nothing is lost: the same command with --resume goes on.",
+    "identify": "Nothing is lost: the same command with --resume goes on, and estimates.json holds what is known.",
     "batch": "Nothing is lost: the same command goes on.",
 }
 
@@ -32,7 +35,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gc.set_threshold(50_000, 20, 20)
     atexit.register(gc.freeze)  # the search for garbage before the end takes half a second
     try:
-        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        with warnings.catch_warnings():
+            if not sys.warnoptions:  # a search tries what overflows; the user's own filters win
+                warnings.simplefilter("ignore", RuntimeWarning)
+            code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return code if isinstance(code, int) else DONE
     except MofitError as error:
         say(f"mofit: {error}")
@@ -40,6 +46,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         say(f"mofit: {error}".rstrip() + " See mofit --help.")
         return UNUSABLE
+    except TimeIsUp:
+        command = next(iter(command_line(arguments)), "")
+        say(f"mofit: the time limit is reached. {_AFTER_INTERRUPTION.get(command, 'Nothing was written.')}")
+        return NOT_CONVERGED
     except KeyboardInterrupt:
         command = next(iter(command_line(arguments)), "")
         say(f"mofit: interrupted. {_AFTER_INTERRUPTION.get(command, 'Nothing was written.')}")

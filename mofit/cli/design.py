@@ -17,12 +17,14 @@ from mofit.cli.app import (
     Jobs,
     Json,
     Seed,
+    TimeLimit,
     app,
     by_name,
     cores,
     print_json,
     tests_by_name,
 )
+from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import Issue, raise_errors
 
 ModelName = Annotated[
@@ -71,6 +73,7 @@ def compare(
     posterior: int = 0,
     out: Page = None,
     force: Force = False,
+    time_limit: TimeLimit = None,
     seed: Seed = 0,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -101,7 +104,7 @@ def compare(
     inputs = Inputs(files, model, effect, by_name("--at", at), run, samples, seed, cores(jobs))
     groups = tests_by_name("--group", group)
     with _files({"--out": out}, force, files):
-        with progress_bar() as progress:
+        with progress_bar() as progress, ended_in(time_limit):
             found = compare_files(inputs, parameter, groups, posterior, progress)
         summary = comparison_summary(found)
         if out is not None:
@@ -136,6 +139,7 @@ def design(
     plan: Path | None = None,
     out: Page = None,
     force: Force = False,
+    time_limit: TimeLimit = None,
     seed: Seed = 0,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -186,7 +190,7 @@ def design(
         ignore_existing=ignore_existing_tests,
     )
     with _files({"--plan": plan, "--out": out}, force, [file, *([space] if space else [])]):
-        with progress_bar() as progress:
+        with progress_bar() as progress, ended_in(time_limit):
             proposal = design_file(job, progress)
         summary = design_summary(proposal)
         if plan is not None:

@@ -27,6 +27,8 @@ from mofit.cli.app import (
     range_by_name,
     seconds,
 )
+from mofit.cli.time_limit import LATE
+from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import InputError
 from mofit.identification.search_registry import DEFAULT_SEARCH
 
@@ -94,7 +96,7 @@ def identify(
         sample=not no_sample,
         time_limit=seconds("--time-limit", time_limit),
     )
-    with progress_bar() as progress:
+    with progress_bar() as progress, ended_in(time_limit, LATE):
         folder, summary = identify_file(Job(file, model, effect, freq, test, settings, out, resume), progress)
     if as_json:
         print_json(summary)
@@ -115,6 +117,7 @@ def diagnose(
     fix: Fixed = (),
     seed: Seed = 0,
     out: Path | None = None,
+    time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> int:
@@ -139,7 +142,7 @@ def diagnose(
     settings = Settings(
         bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), seed=seed, jobs=cores(jobs)
     )
-    with progress_bar() as progress:
+    with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(Job(file, model, effects, (), test, settings, out), progress)
     if as_json:
         print_json({**found, "folder": str(folder)})
@@ -160,6 +163,7 @@ def batch(
     joint: Joint = False,
     seed: Seed = 0,
     out: Path = Path("runs/batch"),
+    time_limit: TimeLimit = None,
     jobs: int | None = None,
     scheduler: str | None = None,
     as_json: Json = False,
@@ -191,7 +195,7 @@ def batch(
         search=search, bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), joint=joint, seed=seed
     )
     job = BatchJob(places, out, what, model, effect, settings, cores(jobs), scheduler)
-    with progress_bar() as progress:
+    with progress_bar() as progress, ended_in(time_limit):
         rows = run_batch(job, progress)
     states = [row.state for row in rows]
     if as_json:

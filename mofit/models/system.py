@@ -80,7 +80,7 @@ def build_system(model: Model) -> System:
     y = _column(where, outputs, output_names)
     x0 = _resolved(_column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"]), x)
     try:
-        return System(
+        found = System(
             states=groups["x"],
             inputs=groups["u"],
             parameters=groups["p"],
@@ -93,6 +93,19 @@ def build_system(model: Model) -> System:
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error
+    _require_operations(where, found)
+    return found
+
+
+def _require_operations(where: str, system: System) -> None:
+    """Refuse calls of functions that are no expressions: a lookup by ``ca.interpolant`` has no machine code here."""
+    for function in (system.rhs, system.out, system.initial):
+        if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
+            called = ", ".join(function.get_function())
+            message = f"the equations call a CasADi function that is no expression ({called})"
+            raise InputError.of(
+                where, message, "Write a table as ca.pw_lin(x, grid, values), anything else in operations"
+            )
 
 
 def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:

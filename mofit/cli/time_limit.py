@@ -1,0 +1,44 @@
+"""``--time-limit``: a command that computes ends when its time is up."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+from mofit.cli.app import seconds
+
+#: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
+LATE = 0.5
+
+
+class TimeIsUp(Exception):
+    """Raised in the main thread when the time of a command is up."""
+
+
+@contextmanager
+def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
+    """The limit in s; `TimeIsUp` is raised in the block after it, and a share ``late`` of it more.
+
+    Nothing is raised where the system has no alarm, nor outside of the main thread.
+    """
+    limit = seconds("--time-limit", text)
+    if limit is None or limit <= 0 or not hasattr(signal, "setitimer"):
+        yield limit
+        return
+    if threading.current_thread() is not threading.main_thread():
+        yield limit
+        return
+    before = signal.signal(signal.SIGALRM, _raise)
+    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit)
+    try:
+        yield limit
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def _raise(_: int, __: FrameType | None) -> None:
+    raise TimeIsUp

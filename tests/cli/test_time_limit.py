@@ -1,0 +1,58 @@
+"""``--time-limit`` and ``--no-sample``: a command ends in time, with what it knows."""
+
+import json
+import time
+
+import pytest
+from damper_rig import damper_campaign
+
+from mofit.cli import main
+from mofit.cli.app import seconds
+from mofit.cli.time_limit import TimeIsUp, time_limit
+from mofit.data import write_campaign
+from mofit.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("limit") / "damper.nc"
+    write_campaign(damper_campaign(), path)
+    return str(path)
+
+
+@pytest.mark.parametrize(("text", "expected"), [("60s", 60), ("90", 90), ("1.5 min", 90), ("1e3 ms", 1), (None, None)])
+def test_a_time_is_read_with_and_without_unit(text, expected):
+    assert seconds("--time-limit", text) == (None if expected is None else pytest.approx(expected))
+
+
+def test_what_is_no_time_is_refused():
+    with pytest.raises(InputError, match="--time-limit"):
+        seconds("--time-limit", "soon")
+
+
+def test_the_block_ends_when_the_time_is_up_and_only_then():
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        time.sleep(5)
+    with time_limit("20 ms") as limit:
+        assert limit == pytest.approx(0.02)
+    time.sleep(0.03)  # the alarm is off
+
+
+def test_without_sampling_there_are_estimates_marked_as_such(file, tmp_path, capsys):
+    options = ["--model", "kelvin_voigt_damper", "--jobs", "1", "--no-sample", "--json"]
+    assert main(["identify", file, *options, "--out", str(tmp_path / "run")]) == 3
+    told = json.loads(capsys.readouterr().out)
+    (mode,) = told["modes"]
+    assert mode["parameters"]["d"]["value"] == pytest.approx(1500, rel=0.01)
+    assert {entry["spread"] for entry in mode["parameters"].values()} == {"Laplace"}
+    assert {entry["verdict"] for entry in mode["parameters"].values()} == {"not sampled"}
+    assert not told["green"]
+    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+    assert "Nothing was sampled" in page
+    assert main(["uncertainty", str(tmp_path / "run")]) == 3  # as identify
+
+
+def test_a_command_whose_time_is_up_says_so(file, tmp_path, capsys):
+    assert main(["diagnose", file, "--time-limit", "50 ms", "--out", str(tmp_path / "found")]) == 3
+    assert "time limit is reached" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
