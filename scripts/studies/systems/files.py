@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from threading import Lock
 
 from mofit import Campaign, Experiment, Measurement
 from mofit.data.campaign_file import write_campaign
 from systems.design import System
 from systems.family import Loose, Split
+
+#: netCDF's C library serves one thread at a time
+_NETCDF = Lock()
 
 MODEL = '''"""{title}."""
 
@@ -113,5 +117,6 @@ def write_files(system: System, folder: Path) -> tuple[Path, str]:
     folder.mkdir(parents=True, exist_ok=True)
     source, campaign = folder / "model.py", folder / "campaign.nc"
     source.write_text(model_source(system), encoding="utf-8")
-    write_campaign(campaign_of(system), campaign)
+    with _NETCDF:
+        write_campaign(campaign_of(system), campaign)
     return campaign, f"{source}:{class_name(system)}"
