@@ -9,6 +9,8 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 
+#: Verdict on a parameter that acts only together with others: how wide its own posterior is, its range decides.
+TOGETHER = "only in combination"
 #: Standard deviation along a direction, in box widths, from which the data do not determine it: nearly that of the
 #: prior, 0.29.
 UNDETERMINED = 0.2
@@ -33,7 +35,7 @@ def combined(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> l
     point
         The minimum (d,), unit coordinates.
     hessian
-        Of the negative log likelihood there (d, d).
+        Of the negative log posterior there (d, d); the range of a parameter has no part in it.
     """
     values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
     flat = vectors[:, values < UNDETERMINED**-2]

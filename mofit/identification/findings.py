@@ -90,7 +90,7 @@ def at_limits(space: ParameterSpace, minimum: Minimum, hessian: FloatArray, aske
 
 
 def ridges(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> list[Finding]:
-    """Parameters that the data determine only together, from the Hessian (d, d) of the likelihood at a minimum (d,)."""
+    """Parameters that the data determine only together, from the Hessian (d, d) of the posterior at a minimum (d,)."""
     return [
         Finding("ridge", "caution", f"{', '.join(names)} cannot be told apart: {what}.")
         for names, what in combined(space, point, hessian)

@@ -132,11 +132,10 @@ def _end_of_sampling(limit: float | None) -> float:
 def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settings) -> tuple[Finding, ...]:
     best, problem = modes[0], located.problem
     whole, space = best.minimum.hessian, problem.space
-    likelihood = whole - problem.prior_density.precision
     return (
         *misfit(problem, problem.objectives(best.minimum.point[None])[0]),
         *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
-        *ridges(space, best.minimum.point, likelihood),
+        *ridges(space, best.minimum.point, whole),
     )
 
 

@@ -8,8 +8,10 @@ from damper_rig import damper_campaign
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mofit.identification.combinations import combined
+from mofit.data import Campaign, Experiment, Measurement
+from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.findings import at_limits, misfit
+from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.identification.stages import locate_minima
 from mofit.identification.valleys import without_joined
@@ -17,6 +19,7 @@ from mofit.identification.widening import widenings
 from mofit.models import Channel, Equations, Model, find_model
 from mofit.optimize import merge, refine
 from mofit.parameters import Parameter, ParameterSpace
+from mofit.results import summary
 
 SINES = damper_campaign()
 
@@ -92,6 +95,34 @@ def test_products_are_named(x, y, case):
     p, q, name = case
     hessian = hessian_of(SPACE, np.array([x, y]), lambda v: np.array([p / v[0], q / v[1]]))
     assert combined(SPACE, np.array([x, y]), hessian) == [(["a", "b"], f"only {name} is determined")]
+
+
+class Product(Model):
+    """A gain that is a product of two parameters."""
+
+    name = "product"
+    parameters = (Parameter("a", "N/m", 10.0, 1e4, 100.0, "log"), Parameter("b", "1", 1.0, 1e3, 10.0, "log"))
+    inputs = (Channel("displacement", "m"),)
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s):
+        return Equations(outputs={"force": s.a * s.b * s.displacement})
+
+
+def test_a_product_is_one_solution_with_the_combination_named(tmp_path):
+    time = np.arange(0, 8, 0.01)
+    stroke = 0.01 * np.sin(2 * np.pi * time)
+    experiment = Experiment("sine", "sine", time, {"displacement": stroke}, {}, 1.0, 0.01)
+    force = 2000 * stroke + 0.1 * np.random.default_rng(0).standard_normal(len(time))
+    campaign = Campaign(
+        "product", "simulated", {}, (Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"}),)
+    )
+    _, tree = identify(campaign, Product(), Settings(jobs=1), out=tmp_path / "run")
+    assert list(tree["modes"].children) == ["m1"]
+    assert set(tree["modes/m1"]["verdict"].values) == {TOGETHER}
+    told = summary(tree, tmp_path)
+    assert [finding["text"] for finding in told["findings"]] == ["a, b cannot be told apart: only a*b is determined."]
+    assert (told["green"], told["trusted"]) == (False, True)
 
 
 def test_sums_are_named_and_what_is_determined_is_not():

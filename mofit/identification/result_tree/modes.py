@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from mofit._typing import FloatArray
+from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.result import IdentificationResult, PosteriorMode
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
@@ -133,6 +134,8 @@ def _of_draws(space: ParameterSpace, mode: PosteriorMode) -> dict[str, ArrayLike
     samples = draws.reshape(-1, len(space))
     values = space.from_unit(samples)
     q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
+    found = combined(space, mode.minimum.point, mode.minimum.hessian)
+    together = {name for names, _ in found for name in names}
     return {
         "mean": values.mean(axis=0),
         "sd": values.std(axis=0),
@@ -144,7 +147,10 @@ def _of_draws(space: ParameterSpace, mode: PosteriorMode) -> dict[str, ArrayLike
         "r_hat": r_hat(space.from_unit(draws)),
         "tau": chains.tau,
         "contraction": contraction(samples),
-        "verdict": verdict(samples, space.log_width),
+        "verdict": [
+            TOGETHER if name in together else word
+            for name, word in zip(space.names, verdict(samples, space.log_width), strict=True)
+        ],
     }
 
 
