@@ -84,13 +84,21 @@ def interval(low: float, high: float, sd: float) -> str:
     return f"{with_sd(low, sd)} … {with_sd(high, sd)}" if math.isfinite(low) else "–"
 
 
+#: Fractions that are written as less, and as more, than these.
+_NONE, _MANY = 1e-6, 10.0
+
+
 def percent(value: float, digits: int = 3) -> str:
-    """A fraction in per cent."""
+    """A fraction in per cent, bounded where it is as good as none."""
+    if 0 < abs(value) < _NONE:
+        return f"< {number(100 * _NONE)}{THIN}%"
     return "–" if math.isnan(value) else f"{number(100 * value, digits)}{THIN}%"
 
 
 def whole_percent(value: float, decimals: int = 0) -> str:
-    """A fraction in per cent with so many decimals."""
+    """A fraction in per cent with so many decimals, bounded where per cent say nothing any more."""
+    if abs(value) > _MANY:
+        return f"{'more than ' if value > 0 else 'less than −'}{_grouped(100 * _MANY, 0)}{THIN}%"
     return "–" if math.isnan(value) else f"{_grouped(100 * value, decimals)}{THIN}%"
 
 
