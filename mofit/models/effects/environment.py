@@ -6,7 +6,7 @@ import casadi as ca
 
 from mofit.models.effect import Scaling
 from mofit.models.model import TIME, Condition, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
 
 
 class Speed(Scaling):
@@ -95,7 +95,17 @@ class WarmUp(Scaling):
     on = ("output",)
     parameters = (
         Parameter("w_t", "1", -0.5, 0.5, 0.02, description="relative excess of gain at the first sample", neutral=0.0),
-        Parameter("tau_t", "s", 0.1, 1e3, 3.0, "log", "time in which it fades", grid=(1.0, 4.0, 15.0)),
+        Parameter(
+            "tau_t",
+            "s",
+            0.1,
+            1e3,
+            3.0,
+            "log",
+            "time in which it fades",
+            grid=(1.0, 4.0, 15.0),
+            scales=powers(displacement=1, velocity=-1),
+        ),
     )
     inputs = (TIME,)
 

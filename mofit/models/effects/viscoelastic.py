@@ -255,7 +255,16 @@ class Springpot(Effect):
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
-        Parameter("c_f", "N s^a/m", 0.0, 1e5, 4e3, description="coefficient of the fractional element", neutral=0.0),
+        Parameter(
+            "c_f",
+            "N s^a/m",
+            0.0,
+            1e5,
+            4e3,
+            description="coefficient of the fractional element",
+            neutral=0.0,
+            scales=powers(force=1, displacement=-0.75, velocity=-0.25),
+        ),
         Parameter("a_f", "1", 0.05, 0.95, 0.25, description="exponent: 0 a spring, 1 a damper", grid=(0.15, 0.3, 0.5)),
     )
     states = tuple(Channel(f"springpot_{i}", "m", f"internal displacement {i}") for i in range(len(TIMES)))
