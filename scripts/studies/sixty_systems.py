@@ -12,7 +12,8 @@ parameters that act only together, or one that the tests do not touch. In one of
 `mofit identify` has 60 s of one processor for each; `--limit` is the wall time after which it is ended, and may be
 longer where others use the machine. It is wrong if it is green (exit code 0, no warning) and calls a parameter
 identified whose true value is outside of the 99.9 % interval or which the data do not determine, or if the model is
-wrong. Expected misfit and spread come from the linearised truth. Rows that the work folder holds already are kept.
+wrong. The misfit is that of the wrong model's best fit; the expected spread comes from the linearised truth. Rows that
+the work folder holds already are kept.
 """
 
 from __future__ import annotations
