@@ -96,13 +96,8 @@ class Chains:
         return self.chain.shape[1]
 
     def hopeless(self, earlier: FloatArray, settings: SampleSettings) -> bool:
-        """Whether the most steps would be too few by both autocorrelation times (d,), this one and the earlier one.
-
-        A chain that does not mix lets its autocorrelation time grow with its length.
-        """
-        least = min(float(self.tau.max()), float(np.max(earlier)))
-        known = self.steps >= settings.fewest_steps and np.isfinite(least)
-        return bool(known) and settings.tau_multiple * least > settings.max_steps
+        """Whether more steps would not do: by the autocorrelation times (d,) now and at the earlier check."""
+        return _does_not_mix(self.steps, float(self.tau.max()), float(np.max(earlier)), settings)
 
     @property
     def effective_draws(self) -> float:
@@ -150,9 +145,11 @@ def assess(run: Run, settings: SampleSettings, last: bool = False) -> Chains:
             (highest <= settings.max_r_hat, f"R-hat is {highest:.4f}, above {settings.max_r_hat:g}"),
             (least >= settings.min_ess, f"ESS is {least:.0f}, below {settings.min_ess:g}"),
         ]
-    tau_limit = settings.max_steps / settings.tau_multiple
-    if steps >= settings.fewest_steps and tau_limit < min(longest, float(np.max(run.tau))) < np.inf:
-        requirements.insert(0, (False, f"the chains do not mix: tau is {longest:.0f} steps, {tau_limit:.0f} would do"))
+    if _does_not_mix(steps, longest, float(np.max(run.tau)), settings):
+        much = settings.max_steps / settings.tau_multiple
+        requirements.insert(
+            0, (False, f"the chains do not mix: tau is {longest:.0f} steps and grows; {much:.0f} would do")
+        )
     reasons = tuple(reason for fine, reason in requirements if not fine)
     return Chains(
         chain=chain,
@@ -169,6 +166,14 @@ def assess(run: Run, settings: SampleSettings, last: bool = False) -> Chains:
         burn_in=run.burned,
         evaluations=run.evaluations,
     )
+
+
+def _does_not_mix(steps: int, tau: float, earlier: float, settings: SampleSettings) -> bool:
+    """Whether the most steps are too few by both autocorrelation times, or these grow with the chain."""
+    if steps < settings.fewest_steps or not np.isfinite(tau) or not np.isfinite(earlier):
+        return False
+    grows = steps >= 2 * settings.fewest_steps and tau > settings.growth * earlier
+    return grows or settings.tau_multiple * min(tau, earlier) > settings.max_steps
 
 
 def _side_by_side(chain: FloatArray) -> FloatArray:

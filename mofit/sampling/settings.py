@@ -20,10 +20,14 @@ class SampleSettings:
     of parameters, which emcee's moves need."""
     chunk: int = 10
     """Fewest steps between two checks of convergence (and two checkpoints); grows to a twentieth of the chain."""
-    max_steps: int = 12000
-    """Production steps per ensemble after which sampling ends unconverged."""
+    max_steps: int = 6000
+    """Production steps per ensemble after which sampling ends unconverged: what mixes more slowly than in 60 steps is a
+    ridge or several modes, which more steps do not mend."""
     fewest_steps: int = 400
     """Steps before a chain is given up whose autocorrelation time shows that the most steps would not do."""
+    growth: float = 1.7
+    """The same from twice as many steps on where the autocorrelation time has grown so much since the last check, when
+    the chain was half as long: that of a chain which mixes settles within some twenty of it."""
     round_steps: int = 12
     """Fewest steps of one round of burn-in, after which the independent proposal is adapted."""
     min_rounds: int = 5

@@ -25,7 +25,7 @@ PRIOR = 5.0
 #: Relative step of the differences, and the tolerance that suits it.
 STEP, COARSE = 1e-2, 1e-6
 #: Most steps of the best fit of a wrong model.
-FITS = 12
+FITS = 100
 
 
 @dataclass(frozen=True)

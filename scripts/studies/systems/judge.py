@@ -62,6 +62,8 @@ def judged(system: System, answer: dict[str, Any] | None, code: int | None) -> d
     sure = {name: entry for name, entry in entries.items() if "identified" in entry["verdict"]}
     false = [name for name, entry in sure.items() if entry["undetermined"] or far(entry["away"])]
     lacking = system.case.kind == "wrong" and system.misfit >= VISIBLE
+    if system.case.kind == "wrong" and not lacking:  # nobody can see it, and the parameters are what they amount to
+        false = []
     return {
         "green": told["green"],
         "warnings": told["warnings"],
