@@ -43,3 +43,14 @@ def test_faces_and_flat_directions_agree_with_quadrature(point, gradient, hessia
 
 def test_weights_are_shares_and_do_not_overflow():
     np.testing.assert_allclose(mode_weights([-5000.0, -5000.0 + np.log(3), -9000.0]), [0.25, 0.75, 0.0])
+
+
+def test_the_mass_of_a_ridge_is_that_of_its_width(rng):
+    """Curvatures of 1e14 across and none along: the integral is the one of the Gaussian across, times the box."""
+    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    across = turn[:, 2] / np.abs(turn[:, 2]).max()
+    hessian = 1e14 * np.outer(across, across)
+    width = np.sqrt(2 * np.pi / (hessian.trace()))
+    plane = np.sqrt(across @ across)  # area of the box's cut is at most that of its diagonal plane
+    found = np.exp(laplace_log_evidence(0.0, hessian, np.full(3, 0.5)))
+    assert 0.3 * width < found < 1.8 * width * plane
