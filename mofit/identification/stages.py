@@ -43,6 +43,8 @@ P = TypeVar("P", bound=CampaignPosterior)
 #: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
 #: freeing these can raise a probability, but not a thousandfold.
 LEAST_PROBABILITY = 1e-6
+#: Share of a time limit for one search, the points at which its pace is measured, and the least and the usual budget.
+SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 16, 100, 4000
 #: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
 FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
@@ -113,10 +115,24 @@ def search(
     )
     weights = np.array([settings.weights.get(name, 1.0) for name in problem.tests])
     run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
-    budget = search_settings(settings.search, settings.evaluations)
     with explained(problem):
+        budget = search_settings(settings.search, _evaluations(problem, settings))
         found = run(problem.objectives, problem.gradients, len(problem.space), rng, budget, weights, progress)
     return found, weights
+
+
+def _evaluations(problem: Problem, settings: Settings) -> int | None:
+    """The budget of the search: as asked for, less where the time limit does not allow it; None: the search's own."""
+    if settings.time_limit is None:
+        return settings.evaluations
+    points = np.random.default_rng(settings.seed).random((PACED, len(problem.space)))
+    problem.gradients(points[:1])  # compiles
+    began = time.perf_counter()
+    problem.objectives(points)
+    problem.gradients(points)
+    pace = (time.perf_counter() - began) / (2 * PACED)
+    allowed = max(FEWEST_EVALUATIONS, int(SEARCH_SHARE * settings.time_limit / pace))
+    return min(allowed, settings.evaluations or MOST_EVALUATIONS)
 
 
 def fit(setup: ProblemSetup) -> LocalFit:
