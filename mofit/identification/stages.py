@@ -268,7 +268,11 @@ def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:
 
 def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Minimum]:
     """Minima by posterior probability (Laplace approximation), the most probable first, down to the least."""
-    evidence = np.array([_log_evidence(minimum) for minimum in minima])
+    with np.errstate(all="ignore"):  # where an integration nearly diverges, derivatives are beyond all bounds
+        evidence = np.array([_log_evidence(minimum) for minimum in minima])
+    known = np.isfinite(evidence)
+    values = np.array([minimum.value for minimum in minima])
+    evidence = np.where(known, evidence, -np.inf) if known.any() else -values
     weights = mode_weights(evidence)
     return [minima[i] for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_probability]
 
