@@ -77,7 +77,9 @@ def main() -> None:
             print(
                 row["name"], row["code"], f"{row['seconds']} s", "WRONG" if row["green_but_wrong"] else "", flush=True
             )
-    text = "\n".join(page([rows[case.name] for case in wanted], arguments.seed, __doc__)).rstrip() + "\n"
+    given = [f"--option={option}" for option in arguments.option]
+    command = " ".join(["sixty_systems.py", f"--seed {arguments.seed}", f"--limit {arguments.limit:g}", *given])
+    text = "\n".join(page([rows[case.name] for case in wanted], command, __doc__)).rstrip() + "\n"
     arguments.page.parent.mkdir(parents=True, exist_ok=True)
     arguments.page.write_text(text, encoding="utf-8")
     print(text)

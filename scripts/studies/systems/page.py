@@ -26,7 +26,7 @@ COLUMNS = (
 )
 
 
-def page(rows: list[dict[str, Any]], seed: int, doc: str | None) -> list[str]:
+def page(rows: list[dict[str, Any]], command: str, doc: str | None) -> list[str]:
     """The page as Markdown lines."""
     ended = sum(row["ended"] and row["cpu_seconds"] <= LIMIT for row in rows)
     wrong, green = sum(row["green_but_wrong"] for row in rows), sum(row["green"] for row in rows)
@@ -38,7 +38,7 @@ def page(rows: list[dict[str, Any]], seed: int, doc: str | None) -> list[str]:
     )
     trusted = sum(row["green"] and not row["green_but_wrong"] for row in sound)
     second = f"Of {len(sound)} systems with the right model and box, {trusted} were green and right."
-    lines = header("Sixty systems", doc, f"sixty_systems.py --seed {seed}")
+    lines = header("Sixty systems", doc, command)
     return [lines[0], "", first, "", second, "", *lines[2:], *table(COLUMNS, map(cells, rows)), made_with()]
 
 
