@@ -12,9 +12,11 @@ from mofit.cli.app import seconds
 
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
+#: Seconds until the alarm rings again, should the first one be lost: what a destructor raises is.
+AGAIN = 5.0
 
 
-class TimeIsUp(Exception):
+class TimeIsUp(BaseException):  # nothing that catches errors may keep it
     """Raised in the main thread when the time of a command is up."""
 
 
@@ -32,7 +34,7 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
         yield limit
         return
     before = signal.signal(signal.SIGALRM, _raise)
-    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit)
+    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit, AGAIN)
     try:
         yield limit
     finally:
