@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist
 from mofit._typing import FloatArray
 from mofit.errors import check_settings
 from mofit.optimize.cma import Runs, adapt, default_population
+from mofit.optimize.difference_hops import Hops, HopSettings
 from mofit.optimize.evaluation_log import EvaluationLog
 from mofit.optimize.minima_archive import Endpoint, MinimaArchive
 from mofit.optimize.swarm import SwarmSettings, cluster_centres
@@ -60,6 +61,8 @@ class RoughSettings:
     """Ends this close are one minimum."""
     equal: float = 1e-6
     """Ends worse than the best by more than this share of the cost's range are no minima."""
+    hops: HopSettings = field(default_factory=HopSettings)
+    """For minima in valleys that samples do not show."""
 
     def __post_init__(self) -> None:
         checks = [
@@ -85,6 +88,7 @@ def search_rough(
     log: EvaluationLog, archive: MinimaArchive, rng: np.random.Generator, settings: RoughSettings, found_by: str
 ) -> MinimaArchive:
     """Spend the budget on the deepest minima: sample, cluster, CMA-ES from the centres, in rounds that grow.
+    Between the rounds, hops by the differences of local minima (`mofit.optimize.difference_hops`).
 
     A run ends early where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and
     the time to the optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough
@@ -123,6 +127,7 @@ def search_rough(
     def evaluate(points: FloatArray) -> FloatArray:
         return archive.cost(log.evaluate(points)[1])
 
+    hops, hopped, begin = Hops(evaluate, d, rng, settings.hops), 0, log.used
     while log.left > 0:
         before = log.used
         points = rng.random((int(size), d))
@@ -140,6 +145,12 @@ def search_rough(
         if settings.sample_share * (log.used - before) > len(points):
             size *= settings.growth
         population *= settings.population_growth
+        while log.left > 0 and hopped < settings.hops.share * (log.used - begin):
+            before = log.used
+            starts, steps = hops.round(deepest.best, deepest.attracts)
+            if len(starts):
+                deepest.add(adapt(evaluate, starts, steps, rng, None, deepest.stop))
+            hopped += log.used - before
     return deepest.archive(log, archive, found_by)
 
 
