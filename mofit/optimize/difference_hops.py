@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from mofit._typing import FloatArray
 from mofit.errors import check_settings
@@ -18,8 +19,8 @@ from mofit.optimize.cma import Runs, adapt
 class HopSettings:
     """Settings of `Hops`. Lengths are shares of the box."""
 
-    share: float = 0.4
-    """Of the evaluations."""
+    share: float = 0.5
+    """Of the evaluations: as many as for the runs between."""
     starts: int = 16
     """Short runs per parameter in a round: they show where the local minima are deep."""
     sites: int = 4
@@ -89,11 +90,25 @@ class Hops:
         self.evaluate, self.rng, self.settings = evaluate, rng, settings
         self.members = max(3, min(settings.members * d, settings.most))
         self.points, self.cost, self.tried = np.empty((0, d)), np.empty(0), np.empty(0, dtype=bool)
+        self._bottoms, self._widths = np.empty((0, d)), np.empty(0)
+        """Where chains ended, and how far away they began."""
+        self._attracted = np.empty(0, dtype=bool)
+        """Whether a known minimum attracted them."""
 
     def round(
-        self, best: float, attracts: Callable[[FloatArray], NDArray[np.bool_]]
+        self, best: float, minima: FloatArray, attracts: Callable[[FloatArray], NDArray[np.bool_]]
     ) -> tuple[FloatArray, FloatArray]:
-        """Deepest points of chains from new sites that no known minimum attracts, and first steps for runs there."""
+        """Deepest points of chains from new sites, and first steps for runs there.
+
+        Parameters
+        ----------
+        best
+            Lowest cost known.
+        minima
+            Known ones: what is nearer to one than where a chain to it began lies in its valley, and is no site.
+        attracts
+            Which points lie where a known minimum attracts: they are no sites either.
+        """
         s, d = self.settings, self.points.shape[1]
         starts = self.rng.random((s.starts * d, d))
         points, cost = self._runs(starts, self._between(s.steps, len(starts)), best)
@@ -101,17 +116,24 @@ class Hops:
         self.tried = np.concatenate([self.tried, np.zeros(len(points), dtype=bool)])
         around = cKDTree(self.points).query(self.points, k=1 + d + s.neighbours)[1][:, 1:]
         deep = np.all(self.cost[:, None] <= self.cost[np.minimum(around, len(self.cost) - 1)], axis=1)
-        sites = np.flatnonzero(deep & ~self.tried & ~attracts(self.points))
+        led = self._attracted | np.any(cdist(self._bottoms, minima) < s.merge, axis=1)
+        valley = np.any(cdist(self.points, self._bottoms[led]) < self._widths[led], axis=1)
+        sites = np.flatnonzero(deep & ~self.tried & ~valley & ~attracts(self.points))
         sites = sites[np.argsort(self.cost[sites], kind="stable")][: s.sites]
         self.tried[sites] = True
-        ends = [self._chain(self.points[k], best, attracts) for k in sites]
-        found = [end for end in ends if end is not None]
-        return np.array([point for point, _ in found]).reshape(-1, d), np.array([step for _, step in found])
+        chains = [(k, self._chain(self.points[k], best, attracts)) for k in sites]
+        ends = [(k, *end) for k, end in chains if end is not None]
+        bottoms, steps = np.array([end[1] for end in ends]).reshape(-1, d), np.array([end[2] for end in ends])
+        began = self.points[[end[0] for end in ends]]
+        self._bottoms = np.concatenate([self._bottoms, bottoms])
+        self._widths = np.concatenate([self._widths, np.linalg.norm(bottoms - began, axis=1)])
+        self._attracted = np.concatenate([self._attracted, steps == 0])
+        return bottoms[steps > 0], steps[steps > 0]
 
     def _chain(
         self, site: FloatArray, best: float, attracts: Callable[[FloatArray], NDArray[np.bool_]]
     ) -> tuple[FloatArray, float] | None:
-        """Where hops from a site end, and the first step of a run there; None if a known minimum attracts it."""
+        """Where hops from a site end, and the first step of a run there: 0 if a known minimum attracts it."""
         s, d = self.settings, len(site)
         ways = self.rng.standard_normal((self.members, d))
         far = self._between(s.around, self.members)
@@ -121,7 +143,7 @@ class Hops:
             before = cost[0]
             points, cost = self._hop(points, cost)
             if attracts(points[:1])[0]:
-                return None
+                return points[0], 0.0
             steps = s.polish / d**0.5 * cKDTree(points).query(points, k=2)[0][:, 1]
             if not cost[0] < before:
                 return points[0], float(steps[0])
@@ -136,9 +158,7 @@ class Hops:
             trials = (points[0] + points[:, None] - points)[~np.eye(len(points), dtype=bool)]
             trials = trials[np.all((trials >= 0) & (trials <= 1), axis=1)]
             found = self.evaluate(trials)
-            points, cost = self._lowest(
-                np.concatenate([points, trials[: len(found)]]), np.concatenate([cost, found])
-            )
+            points, cost = self._lowest(np.concatenate([points, trials[: len(found)]]), np.concatenate([cost, found]))
             if not cost[0] < best or len(found) < len(trials):
                 return points, cost
 
@@ -166,4 +186,6 @@ class Hops:
         return points[kept], cost[kept]
 
     def _between(self, ends: tuple[float, float], count: int) -> FloatArray:
-        return np.asarray(np.exp(self.rng.uniform(*np.log(ends), count)))
+        """Lengths, evenly distributed in their logarithm."""
+        short, long = np.log(ends)
+        return np.asarray(np.exp(self.rng.uniform(short, long, count)))

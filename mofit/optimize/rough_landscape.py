@@ -88,9 +88,8 @@ def search_rough(
     log: EvaluationLog, archive: MinimaArchive, rng: np.random.Generator, settings: RoughSettings, found_by: str
 ) -> MinimaArchive:
     """Spend the budget on the deepest minima: sample, cluster, CMA-ES from the centres, in rounds that grow.
-    Between the rounds, hops by the differences of local minima (`mofit.optimize.difference_hops`).
 
-    A run ends early where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and
+    Between the rounds, it hops by the differences of local minima (`mofit.optimize.difference_hops`). A run ends early where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and
     the time to the optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough
     landscape has no end of them.
 
@@ -147,7 +146,7 @@ def search_rough(
         population *= settings.population_growth
         while log.left > 0 and hopped < settings.hops.share * (log.used - begin):
             before = log.used
-            starts, steps = hops.round(deepest.best, deepest.attracts)
+            starts, steps = hops.round(deepest.best, deepest.points, deepest.attracts)
             if len(starts):
                 deepest.add(adapt(evaluate, starts, steps, rng, None, deepest.stop))
             hopped += log.used - before
