@@ -21,6 +21,8 @@ class HopSettings:
 
     share: float = 0.5
     """Of the evaluations: as many as for the runs between."""
+    patience: float = 0.2
+    """Of the evaluations, on hops that find no new minimum, after which there are no more: few landscapes repeat."""
     starts: int = 16
     """Short runs per parameter in a round: they show where the local minima are deep."""
     sites: int = 4

@@ -89,9 +89,10 @@ def search_rough(
 ) -> MinimaArchive:
     """Spend the budget on the deepest minima: sample, cluster, CMA-ES from the centres, in rounds that grow.
 
-    Between the rounds, it hops by the differences of local minima (`mofit.optimize.difference_hops`). A run ends early where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and
-    the time to the optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough
-    landscape has no end of them.
+    Between the rounds, it hops by the differences of local minima (`mofit.optimize.difference_hops`). A run ends early
+    where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and the time to the
+    optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough landscape has
+    no end of them.
 
     Parameters
     ----------
@@ -126,7 +127,8 @@ def search_rough(
     def evaluate(points: FloatArray) -> FloatArray:
         return archive.cost(log.evaluate(points)[1])
 
-    hops, hopped, begin = Hops(evaluate, d, rng, settings.hops), 0, log.used
+    hops, hopped, idle = Hops(evaluate, d, rng, settings.hops), 0, 0
+    begin, patience = log.used, settings.hops.patience * log.left
     while log.left > 0:
         before = log.used
         points = rng.random((int(size), d))
@@ -144,12 +146,13 @@ def search_rough(
         if settings.sample_share * (log.used - before) > len(points):
             size *= settings.growth
         population *= settings.population_growth
-        while log.left > 0 and hopped < settings.hops.share * (log.used - begin):
-            before = log.used
+        while log.left > 0 and idle < patience and hopped < settings.hops.share * (log.used - begin):
+            before, known = log.used, len(deepest.points)
             starts, steps = hops.round(deepest.best, deepest.points, deepest.attracts)
             if len(starts):
                 deepest.add(adapt(evaluate, starts, steps, rng, None, deepest.stop))
             hopped += log.used - before
+            idle = 0 if len(deepest.points) > known else idle + log.used - before
     return deepest.archive(log, archive, found_by)
 
 
