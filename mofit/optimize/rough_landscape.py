@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist
 from mofit._typing import FloatArray
 from mofit.errors import check_settings
 from mofit.optimize.cma import Runs, adapt, default_population
+from mofit.optimize.difference_hops import Hops, HopSettings
 from mofit.optimize.evaluation_log import EvaluationLog
 from mofit.optimize.minima_archive import Endpoint, MinimaArchive
 from mofit.optimize.swarm import SwarmSettings, cluster_centres
@@ -60,6 +61,8 @@ class RoughSettings:
     """Ends this close are one minimum."""
     equal: float = 1e-6
     """Ends worse than the best by more than this share of the cost's range are no minima."""
+    hops: HopSettings = field(default_factory=HopSettings)
+    """For minima in valleys that samples do not show."""
 
     def __post_init__(self) -> None:
         checks = [
@@ -86,9 +89,10 @@ def search_rough(
 ) -> MinimaArchive:
     """Spend the budget on the deepest minima: sample, cluster, CMA-ES from the centres, in rounds that grow.
 
-    A run ends early where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and
-    the time to the optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough
-    landscape has no end of them.
+    Between the rounds, it hops by the differences of local minima (`mofit.optimize.difference_hops`). A run ends early
+    where it comes to a known minimum, or where it cannot come as deep as the best (hill valleys and the time to the
+    optimum decide this in HillVallEA). Local minima that are higher than the best are left out: a rough landscape has
+    no end of them.
 
     Parameters
     ----------
@@ -123,6 +127,8 @@ def search_rough(
     def evaluate(points: FloatArray) -> FloatArray:
         return archive.cost(log.evaluate(points)[1])
 
+    hops, hopped, idle = Hops(evaluate, d, rng, settings.hops), 0, 0
+    begin, patience = log.used, settings.hops.patience * log.left
     while log.left > 0:
         before = log.used
         points = rng.random((int(size), d))
@@ -140,6 +146,13 @@ def search_rough(
         if settings.sample_share * (log.used - before) > len(points):
             size *= settings.growth
         population *= settings.population_growth
+        while log.left > 0 and idle < patience and hopped < settings.hops.share * (log.used - begin):
+            before, known = log.used, len(deepest.points)
+            starts, steps = hops.round(deepest.best, deepest.points, deepest.attracts)
+            if len(starts):
+                deepest.add(adapt(evaluate, starts, steps, rng, None, deepest.stop))
+            hopped += log.used - before
+            idle = 0 if len(deepest.points) > known else idle + log.used - before
     return deepest.archive(log, archive, found_by)
 
 
