@@ -33,6 +33,7 @@ def test_a_third_is_right_a_third_wrong_a_third_has_a_ridge_and_a_sixth_a_narrow
     assert sum(case.narrow for case in CASES) == 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", TRUE_MODELS, ids=lambda case: case.name)
 def test_model_file_and_independent_simulator_agree(case, tmp_path):
     system = make(case, 0)

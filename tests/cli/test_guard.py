@@ -135,6 +135,7 @@ periods = 4
         assert "4e+12 samples" in said(arguments, capsys)
 
 
+@pytest.mark.slow
 def test_python_takes_what_the_command_line_takes(rig, capsys):
     import mofit
 
