@@ -13,7 +13,9 @@ from mofit.cli.app import seconds
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
 #: Seconds until the alarm rings again, should the first one be lost: what a destructor raises is.
-AGAIN = 5.0
+AGAIN = 1.0
+#: Seconds until it rings again where it rang in an import: a module imported by half stays so for the whole process.
+POSTPONED = 0.02
 
 
 class TimeIsUp(BaseException):  # nothing that catches errors may keep it
@@ -42,5 +44,16 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _raise(_: int, __: FrameType | None) -> None:
+def _raise(_: int, frame: FrameType | None) -> None:
+    if _imports(frame):
+        signal.setitimer(signal.ITIMER_REAL, POSTPONED, AGAIN)
+        return
     raise TimeIsUp
+
+
+def _imports(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_globals.get("__name__") == "importlib._bootstrap":
+            return True
+        frame = frame.f_back
+    return False

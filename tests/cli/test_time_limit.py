@@ -1,6 +1,8 @@
 """``--time-limit`` and ``--no-sample``: a command ends in time, with what it knows."""
 
+import importlib
 import json
+import sys
 import time
 
 import pytest
@@ -36,6 +38,15 @@ def test_the_block_ends_when_the_time_is_up_and_only_then():
     with time_limit("20 ms") as limit:
         assert limit == pytest.approx(0.02)
     time.sleep(0.03)  # the alarm is off
+
+
+def test_an_import_is_not_torn_apart_by_the_end_of_the_time(tmp_path, monkeypatch):
+    (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(0.1)\nwhole = True\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        importlib.import_module("slow_to_import")
+        time.sleep(5)
+    assert sys.modules.pop("slow_to_import").whole
 
 
 def test_without_sampling_there_are_estimates_marked_as_such(file, tmp_path, capsys):
