@@ -44,9 +44,13 @@ def test_an_import_is_not_torn_apart_by_the_end_of_the_time(tmp_path, monkeypatc
     (tmp_path / "slow_to_import.py").write_text("import time\ntime.sleep(0.1)\nwhole = True\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(TimeIsUp), time_limit("10 ms"):
-        importlib.import_module("slow_to_import")
-        time.sleep(5)
+        _import_and_sleep("slow_to_import")
     assert sys.modules.pop("slow_to_import").whole
+
+
+def _import_and_sleep(name):
+    importlib.import_module(name)
+    time.sleep(5)
 
 
 def test_without_sampling_there_are_estimates_marked_as_such(file, tmp_path, capsys):
