@@ -23,6 +23,8 @@ class HopSettings:
     """Of the evaluations: as many as for the runs between."""
     patience: float = 0.2
     """Of the evaluations, on hops that find no new minimum, after which there are no more: few landscapes repeat."""
+    dear: float = 0.2
+    """Of the evaluations: there are no hops where a round costs more, as with many parameters."""
     starts: int = 16
     """Short runs per parameter in a round: they show where the local minima are deep."""
     sites: int = 4
@@ -51,6 +53,7 @@ class HopSettings:
     def __post_init__(self) -> None:
         checks = [
             ("share", 0 <= self.share < 1, "Give a share in [0, 1)"),
+            ("dear", 0 <= self.dear <= 1, "Give a share in [0, 1]"),
             ("starts", self.starts >= 1, "Give at least 1"),
             ("sites", self.sites >= 1, "Give at least 1"),
             ("members", self.members >= 1, "Give at least 1"),
@@ -96,6 +99,11 @@ class Hops:
         """Where chains ended, and how far away they began."""
         self._attracted = np.empty(0, dtype=bool)
         """Whether a known minimum attracted them."""
+
+    @property
+    def runs(self) -> int:
+        """Runs in a round."""
+        return self.settings.starts * self.points.shape[1] + self.settings.sites * self.members
 
     def round(
         self, best: float, minima: FloatArray, attracts: Callable[[FloatArray], NDArray[np.bool_]]

@@ -42,7 +42,9 @@ class MlslSettings:
     final_tolerance: float | None = None
     """Descend once more from all minima, to steps below this."""
     final_share: float = 0.1
-    """Share of the budget reserved for that."""
+    """Share of the budget reserved for that, at most,"""
+    final_each: int = 10
+    """And so many evaluations per minimum and parameter: from where a descent ended it takes few."""
     single_share: float = 0.2
     """Share of the budget reserved, with several objectives, for single-objective minima."""
     single_starts: int = 4
@@ -75,14 +77,16 @@ class MlslSettings:
         """Share of the points that may start a descent, after so many evaluations and with a share of deep minima."""
         return self.start_share if used < self.late else min(self.start_share, max(self.late_share, deep))
 
-    def reserved(self, objectives: int) -> int:
-        """Evaluations that are not for the minima of the weighted mean."""
-        final = self.final_share if self.final_tolerance else 0.0
+    def reserved(self, objectives: int, minima: int | None = None, dimension: int = 1) -> int:
+        """Evaluations that are not for finding minima of the weighted mean, of which so many are known."""
+        final = int(self.final_share * self.evaluations) if self.final_tolerance else 0
+        if minima is not None:
+            final = min(final, self.final_each * dimension * minima)
         if objectives == 1:
-            return int(final * self.evaluations)
+            return final
         if self.single_most is None or self.front_most is None:
-            return int((final + self.single_share + self.front_share) * self.evaluations)
-        return int(final * self.evaluations) + self.single_evaluations + self.front_evaluations
+            return final + int((self.single_share + self.front_share) * self.evaluations)
+        return final + self.single_evaluations + self.front_evaluations
 
     @property
     def single_evaluations(self) -> int:

@@ -128,7 +128,8 @@ def search_rough(
         return archive.cost(log.evaluate(points)[1])
 
     hops, hopped, idle = Hops(evaluate, d, rng, settings.hops), 0, 0
-    begin, patience = log.used, settings.hops.patience * log.left
+    begin, patience, dear = log.used, settings.hops.patience * log.left, settings.hops.dear * log.left
+    per_run = 0.0
     while log.left > 0:
         before = log.used
         points = rng.random((int(size), d))
@@ -143,10 +144,13 @@ def search_rough(
                 break
             some = slice(first, first + batch)
             deepest.add(adapt(evaluate, starts[some], steps[some], rng, int(population), deepest.stop))
+        if len(starts):
+            per_run = max(per_run, (log.used - before) / len(starts))
         if settings.sample_share * (log.used - before) > len(points):
             size *= settings.growth
         population *= settings.population_growth
-        while log.left > 0 and idle < patience and hopped < settings.hops.share * (log.used - begin):
+        cheap = hops.runs * per_run < dear
+        while cheap and log.left > 0 and idle < patience and hopped < settings.hops.share * (log.used - begin):
             before, known = log.used, len(deepest.points)
             starts, steps = hops.round(deepest.best, deepest.points, deepest.attracts)
             if len(starts):

@@ -139,6 +139,7 @@ class SingleLinkage:
             counted = int(self._start_share * len(self.sample))
             self.undiscovered = expected_undiscovered(counted, len(self.mean.ends))
             self.note()
+            log.reserved = settings.reserved(len(self.mean.weights), len(self.mean.ends), log.points.shape[1])
             if self.is_complete or log.left == 0:
                 break
             self.draw(max(settings.round, len(self.sample) // 20))
