@@ -11,6 +11,7 @@ import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.models.effect import Effect, ExtendedModel
+from mofit.models.lookup_tables import written_out
 from mofit.models.model import Applied, Apply, Equations, Model, Symbols
 from mofit.models.users_code import users_code
 
@@ -79,33 +80,30 @@ def build_system(model: Model) -> System:
     xdot = _column(where, derivatives, groups["x"])
     y = _column(where, outputs, output_names)
     x0 = _resolved(_column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"]), x)
+    others = {"u": u, "p": p, "c": c}
     try:
-        found = System(
+        return System(
             states=groups["x"],
             inputs=groups["u"],
             parameters=groups["p"],
             conditions=groups["c"],
             outputs=output_names,
-            rhs=ca.Function("rhs", [x, u, p, c], [xdot], ["x", "u", "p", "c"], ["xdot"]),
-            out=ca.Function("out", [x, u, p, c], [y], ["x", "u", "p", "c"], ["y"]),
-            initial=ca.Function("initial", [u, p, c], [x0], ["u", "p", "c"], ["x0"]),
+            rhs=_function(where, "rhs", {"x": x, **others}, "xdot", xdot),
+            out=_function(where, "out", {"x": x, **others}, "y", y),
+            initial=_function(where, "initial", others, "x0", x0),
         )
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error
-    _require_operations(where, found)
-    return found
 
 
-def _require_operations(where: str, system: System) -> None:
-    """Refuse calls of functions that are no expressions: a lookup by ``ca.interpolant`` has no machine code here."""
-    for function in (system.rhs, system.out, system.initial):
-        if any(function.instruction_id(k) == ca.OP_CALL for k in range(function.n_instructions())):
-            called = ", ".join(function.get_function())
-            message = f"the equations call a CasADi function that is no expression ({called})"
-            raise InputError.of(
-                where, message, "Write a table as ca.pw_lin(x, grid, values), anything else in operations"
-            )
+def _function(where: str, name: str, inputs: dict[str, ca.SX], result: str, expression: ca.SX) -> ca.Function:
+    """A function of operations alone."""
+    names = (list(inputs), [result])
+    found = ca.Function(name, list(inputs.values()), [expression], *names)
+    if all(found.instruction_id(k) != ca.OP_CALL for k in range(found.n_instructions())):
+        return found
+    return ca.Function(name, list(inputs.values()), [written_out(where, expression)], *names)
 
 
 def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:
