@@ -49,8 +49,7 @@ class ProblemSetup:
         joint, prior = self.settings.joint, FLAT
         if self.calibrations and not joint:
             prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations])
-        jobs, fixed = self.settings.jobs, self.settings.fixed
-        main = build_problem(self.model, self.campaign, space=self.space, fixed=fixed, prior=prior, jobs=jobs)
+        main = self.searched.with_free(self.space, self.settings.fixed, prior)
         if joint and self.calibrations:
             return JointProblem(main, tuple(calibration.problem for calibration in self.calibrations))
         return main

@@ -167,6 +167,15 @@ class Problem:
         """The problem with other values of parameters that are not free; those of free ones are ignored."""
         return replace(self, layout=self.layout.with_fixed(values))
 
+    def with_free(self, space: ParameterSpace, fixed: Mapping[str, float], prior: GaussianPrior = FLAT) -> Problem:
+        """The same tests with other free parameters, values of the others and prior; data are shared."""
+        layout, simulator = ParameterLayout.of_model(self.model.parameters, space, fixed), self.simulator
+        if layout.space.names == self.space.names:
+            simulator = simulator.within(layout.box(), TOLERANCE)
+        else:
+            simulator = simulator.with_free(layout.space.names, layout.box(), TOLERANCE)
+        return replace(self, layout=layout, simulator=simulator, prior=prior)
+
     def near(self, points: FloatArray, sd: FloatArray) -> Problem:
         """The same problem, integrated for the neighbourhood of points (K, d) with standard deviations (d,) only.
 

@@ -70,8 +70,14 @@ class ExperimentData:
     @cached_property
     def data(self) -> FloatArray:
         """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (n, 1 + 2 ny)."""
-        flag = np.any(self.weights != 0, axis=1, keepdims=True)
-        return np.ascontiguousarray(np.hstack([flag, self.measured, self.weights]).astype(float))
+        n, ny = self.measured.shape
+        data = np.empty((n, 1 + 2 * ny))
+        data[:, 0] = np.any(self.weights != 0, axis=1)
+        data[:, 1 : 1 + ny], data[:, 1 + ny :] = self.measured, self.weights
+        # the same numbers once in memory
+        object.__setattr__(self, "measured", data[:, 1 : 1 + ny])
+        object.__setattr__(self, "weights", data[:, 1 + ny :])
+        return data
 
     @cached_property
     def address(self) -> int:

@@ -70,6 +70,7 @@ class Simulator:
         )
         #: Fixed number of Runge-Kutta steps per sampling interval; None if they are chosen.
         self.steps = steps if system.states else 1  # without states there is nothing to integrate
+        self._jobs = jobs
         self._scheduler = Scheduler(system, self.free, jobs)
         # compiled when first needed, shared by all that `within` makes
         tests, names = self.experiments, self.free
@@ -93,6 +94,10 @@ class Simulator:
         raise_errors(self._box_issues(box))
         tolerance = self.tolerance if tolerance is None else tolerance
         return self._with(tolerance=tolerance, _selection=StepSelection(self._probe, box, tolerance))
+
+    def with_free(self, free: Sequence[str], box: Box, tolerance: float) -> Simulator:
+        """The same tests with other free parameters."""
+        return Simulator(self.system, self.experiments, free, jobs=self._jobs, tolerance=tolerance, box=box)
 
     def with_steps(self, steps: int) -> Simulator:
         """The same with a fixed number of Runge-Kutta steps per sampling interval; code is shared."""

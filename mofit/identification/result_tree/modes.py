@@ -77,8 +77,14 @@ def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     wanted = max(1, most // len(draws))
     few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
     chains, count, dimension = few.shape
-    simulated = problem.simulate(few.reshape(-1, dimension))
-    return _simulated(problem, [s[:, :, 0].reshape(chains, count, -1).astype(np.float32) for s in simulated])
+    points = problem.layout.full(few.reshape(-1, dimension))
+
+    def simulated(test: int) -> FloatArray:
+        """One test at a time: all draws of all tests take several times the memory of the data."""
+        (values,) = problem.simulator.select([test]).simulate(points)
+        return np.asarray(values[:, :, 0].reshape(chains, count, -1), dtype=np.float32)
+
+    return _simulated(problem, [simulated(test) for test in range(len(problem.tests))])
 
 
 def _simulated(problem: Problem, values: list[FloatArray]) -> xr.Dataset:
