@@ -19,6 +19,7 @@ from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.settings import Settings
+from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_setup
 from mofit.models import Model
@@ -248,6 +249,7 @@ def sample_modes(
                 covariance,
                 (settings.seed, index + 1),
                 settings.sampling,
+                valley=along_valley(adjusted.evaluate, minimum.point, minimum.hessian),
                 backend_path=path,
                 mode=name,
                 progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),

@@ -4,6 +4,7 @@ from mofit.sampling.bridge_sampling import Evidence, bridge_log_evidence
 from mofit.sampling.chains import Chains, Draws
 from mofit.sampling.convergence import autocorrelation_time, effective_size, r_hat
 from mofit.sampling.ensemble import restricted
+from mofit.sampling.independence_proposal import StudentTMixture
 from mofit.sampling.laplace import laplace_covariance, laplace_log_evidence, mode_region, mode_weights
 from mofit.sampling.posterior_summary import contraction, mixture, verdict
 from mofit.sampling.sampler import sample_mode
@@ -14,6 +15,7 @@ __all__ = [
     "Draws",
     "Evidence",
     "SampleSettings",
+    "StudentTMixture",
     "autocorrelation_time",
     "bridge_log_evidence",
     "contraction",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,11 +65,11 @@ def safe(log_posterior: LogPosterior) -> LogPosterior:
 
 
 def start(
-    log_posterior: LogPosterior, centre: FloatArray, covariance: FloatArray, walkers: int, seed: np.random.SeedSequence
+    log_posterior: LogPosterior, around: StudentTMixture, walkers: int, seed: np.random.SeedSequence
 ) -> tuple[Ensemble, int]:
-    """An ensemble drawn from the Gaussian around a minimum, inside the cube and where the posterior is not zero.
+    """An ensemble drawn from a mixture around a minimum, inside the cube and where the posterior is not zero.
 
-    Walkers that fall on failed simulations are drawn again, ever closer to the centre.
+    Walkers that fall on failed simulations are drawn again, ever closer to the means.
 
     Returns
     -------
@@ -81,14 +81,14 @@ def start(
         If the posterior vanishes around the centre.
     """
     random = np.random.RandomState(np.random.MT19937(seed))
-    positions = np.empty((walkers, len(centre)))
+    positions = np.empty((walkers, around.means.shape[1]))
     log_prob = np.full(walkers, -np.inf)
     evaluations = 0
     for attempt in range(20):
         missing = np.flatnonzero(~np.isfinite(log_prob))
         if missing.size == 0:
             return Ensemble.at(positions, log_prob, random.get_state()), evaluations
-        near = StudentTMixture.single(centre, covariance * 0.5**attempt, GAUSSIAN)
+        near = replace(around, scales=around.scales * 0.5**attempt, freedom=GAUSSIAN)
         positions[missing] = np.clip(near.draw_inside(random, len(missing)), 0.0, 1.0)
         log_prob[missing] = log_posterior(positions[missing])
         evaluations += len(missing)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from mofit.sampling.chains import Chains, assess
 from mofit.sampling.checkpoint import Checkpoints
 from mofit.sampling.ensemble import LogPosterior, safe
+from mofit.sampling.independence_proposal import DEGREES_OF_FREEDOM, StudentTMixture
 from mofit.sampling.settings import SampleSettings
 from mofit.sampling.state import begin, burn_in, extend, produce
 
@@ -28,6 +29,7 @@ def sample_mode(
     seed: int | Sequence[int],
     settings: SampleSettings | None = None,
     *,
+    valley: StudentTMixture | None = None,
     backend_path: str | Path | None = None,
     mode: str = "m1",
     progress: Progress | None = None,
@@ -51,6 +53,8 @@ def sample_mode(
         Seed, or seeds, of all randomness. Each ensemble gets a child of it.
     settings
         See `SampleSettings`.
+    valley
+        What is known of a posterior that is no Gaussian; it takes the place of the Laplace approximation.
     backend_path
         File of chains, replaced atomically. If it holds this mode already, that run is resumed and ends in the same
         numbers as without an interruption.
@@ -79,7 +83,8 @@ def sample_mode(
     checkpoints = Checkpoints(path, mode, origin, start, settings.checkpoint_seconds)
     run = checkpoints.load()
     if run is None:
-        run = begin(target, start, np.asarray(covariance, dtype=float), np.random.SeedSequence(seed), settings)
+        gaussian = StudentTMixture.single(start, np.asarray(covariance, dtype=float), DEGREES_OF_FREEDOM[0])
+        run = begin(target, valley or gaussian, np.random.SeedSequence(seed), settings)
     while not run.settled and time.monotonic() < until:
         run = checkpoints.save(burn_in(target, run, settings))
         if progress is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.sampling.convergence import outliers
 from mofit.sampling.ensemble import Ensemble, LogPosterior, advance, start
-from mofit.sampling.independence_proposal import DEGREES_OF_FREEDOM, StudentTMixture, best_proposal
+from mofit.sampling.independence_proposal import StudentTMixture, best_proposal
 from mofit.sampling.moves import moves
 from mofit.sampling.settings import SampleSettings
 
@@ -45,19 +45,16 @@ class Run:
 
 
 def begin(
-    log_posterior: LogPosterior,
-    centre: FloatArray,
-    covariance: FloatArray,
-    seed: np.random.SeedSequence,
-    settings: SampleSettings,
+    log_posterior: LogPosterior, around: StudentTMixture, seed: np.random.SeedSequence, settings: SampleSettings
 ) -> Run:
-    """Walkers drawn from the Laplace approximation, each ensemble with a seed of its own."""
-    walkers = settings.walkers_for(len(centre))
-    started = [start(log_posterior, centre, covariance, walkers, own) for own in seed.spawn(settings.ensembles)]
+    """Walkers drawn from what is known of the posterior, each ensemble with a seed of its own."""
+    dimension = around.means.shape[1]
+    walkers = settings.walkers_for(dimension)
+    started = [start(log_posterior, around, walkers, own) for own in seed.spawn(settings.ensembles)]
     return Run(
         ensembles=tuple(ensemble for ensemble, _ in started),
-        proposal=StudentTMixture.single(centre, covariance, DEGREES_OF_FREEDOM[0]),
-        tau=np.full(len(centre), np.inf),
+        proposal=around,
+        tau=np.full(dimension, np.inf),
         evaluations=sum(count for _, count in started),
     )
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from mofit.errors import InputError
-from mofit.sampling import SampleSettings, effective_size, laplace_covariance, r_hat, sample_mode
+from mofit.sampling import SampleSettings, StudentTMixture, effective_size, laplace_covariance, r_hat, sample_mode
 from mofit.sampling.chains import assess
 from mofit.sampling.convergence import stuck_walkers
 from mofit.sampling.state import begin, extend, produce
@@ -94,7 +94,15 @@ def two_modes(x):
 def test_walkers_that_sit_in_another_mode_are_counted_and_left_out():
     # stretch moves cannot jump between the modes; three walkers of each ensemble are put into the other one
     settings = SampleSettings(walkers=32, independence=0.0, differential=0.0, stretch=1.0, snooker=0.0)
-    run = produce(begin(two_modes, np.full(2, 0.3), 4e-4 * np.eye(2), np.random.SeedSequence(5), settings), settings)
+    run = produce(
+        begin(
+            two_modes,
+            StudentTMixture.single(np.full(2, 0.3), 4e-4 * np.eye(2), 5.0),
+            np.random.SeedSequence(5),
+            settings,
+        ),
+        settings,
+    )
     moved = []
     for ensemble in run.ensembles:
         positions = ensemble.positions.copy()
@@ -149,7 +157,10 @@ def test_too_few_steps_are_not_called_converged_and_say_why():
 
 def test_every_requirement_of_the_stop_rule_is_met_or_named():
     settings, centre = SampleSettings(), np.full(2, 0.3)
-    run = produce(begin(two_modes, centre, 4e-4 * np.eye(2), np.random.SeedSequence(5), settings), settings)
+    run = produce(
+        begin(two_modes, StudentTMixture.single(centre, 4e-4 * np.eye(2), 5.0), np.random.SeedSequence(5), settings),
+        settings,
+    )
     run = extend(two_modes, run, settings, 500, np.full(2, np.inf))
     tau = assess(run, settings).tau
     assert assess(replace(run, tau=tau), settings).converged
