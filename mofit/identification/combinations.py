@@ -20,7 +20,9 @@ PART = 0.03
 SIMPLE = 0.03
 
 
-def combined(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> list[tuple[list[str], str]]:
+def combined(
+    space: ParameterSpace, point: FloatArray, hessian: FloatArray, bends: bool = False
+) -> list[tuple[list[str], str]]:
     r"""Sets of parameters that are undetermined only one by one, and what is determined of each.
 
     Eigenvectors of the Hessian whose standard deviation :math:`\lambda^{-1/2}` reaches the width of the box are
@@ -36,6 +38,8 @@ def combined(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> l
         The minimum (d,), unit coordinates.
     hessian
         Of the negative log posterior there (d, d); the range of a parameter has no part in it.
+    bends
+        Whether the valley of what is not determined bends: on log scales, that of a product is straight.
     """
     values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
     flat = vectors[:, values < UNDETERMINED**-2]
@@ -55,7 +59,7 @@ def combined(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> l
             continue
         if len(members) == 2:
             own = np.linalg.eigh(projector[np.ix_(members, members)])[1][:, -1]
-            if simple := _simple(space, point, members, own):
+            if simple := _simple(space, point, members, own, bends):
                 what = f"only {simple} is determined"
         found.append((names, what))
     return found
@@ -76,21 +80,21 @@ def _groups(linked: np.ndarray) -> list[list[int]]:
     return groups
 
 
-def _simple(space: ParameterSpace, point: FloatArray, members: list[int], direction: FloatArray) -> str:
+def _simple(space: ParameterSpace, point: FloatArray, members: list[int], direction: FloatArray, bends: bool) -> str:
     """``a*b``, ``a/b^2``, ``a + b``: what is constant along a direction of two parameters; empty if nothing simple."""
     values = space.from_unit(point)
     change = direction * space.derivative(values)[members]
     first, second = (space.names[k] for k in members)
-    own = values[members]
+    own, found = values[members], []
     if np.all(own != 0):
         relative = change / own
         if ratio := _ratio(relative[1], -relative[0]):  # first^p second^q with p r1 + q r2 = 0
             p, q = ratio.numerator, ratio.denominator
-            return f"{_power(first, abs(p))}{'*' if p * q > 0 else '/'}{_power(second, abs(q))}"
+            found.append(f"{_power(first, abs(p))}{'*' if p * q > 0 else '/'}{_power(second, abs(q))}")
     if space.units[members[0]] == space.units[members[1]] and (ratio := _ratio(change[1], -change[0])):
         p, q = ratio.numerator, ratio.denominator
-        return f"{_times(first, abs(p))} {'+' if p * q > 0 else '-'} {_times(second, abs(q))}"
-    return ""
+        found.append(f"{_times(first, abs(p))} {'+' if p * q > 0 else '-'} {_times(second, abs(q))}")
+    return found[-1 if bends else 0] if found else ""  # where the values are equal, a sum looks like a product
 
 
 def _ratio(above: float, below: float) -> Fraction | None:

@@ -89,11 +89,11 @@ def at_limits(space: ParameterSpace, minimum: Minimum, hessian: FloatArray, aske
     return found
 
 
-def ridges(space: ParameterSpace, point: FloatArray, hessian: FloatArray) -> list[Finding]:
-    """Parameters that the data determine only together, from the Hessian (d, d) of the posterior at a minimum (d,)."""
+def ridges(space: ParameterSpace, point: FloatArray, hessian: FloatArray, bends: bool) -> list[Finding]:
+    """Parameters that the data determine only together; see `mofit.identification.combinations.combined`."""
     return [
         Finding("ridge", "caution", f"{', '.join(names)} cannot be told apart: {what}.")
-        for names, what in combined(space, point, hessian)
+        for names, what in combined(space, point, hessian, bends)
     ]
 
 

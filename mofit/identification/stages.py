@@ -198,6 +198,8 @@ def adjusted_modes(
     for minimum in plausible[: settings.most_modes]:
         local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
         adjusted = adjusted_posterior(local, minimum.point)
+        if along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
+            adjusted = adjusted.unmapped()
         (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
     return tuple(sorted(located, key=lambda pair: -_log_evidence(pair[0])))

@@ -54,6 +54,16 @@ class AdjustedPosterior:
             hessian + prior.precision,
         )
 
+    def unmapped(self) -> AdjustedPosterior:
+        """The same for a valley that bends, which the map would distort."""
+        adjustment = adjust(self.score, self.adjustment.centre, with_gap=True, mapped=False)
+        return replace(self, adjustment=adjustment)
+
+    @property
+    def bends(self) -> bool:
+        """Whether it is that of a valley that bends."""
+        return not self.adjustment.is_mapped
+
     def local(self, point: FloatArray, sd: FloatArray) -> AdjustedPosterior:
         """The same, quicker to evaluate around a point (d,) with standard deviations (d,); see `Problem.local`."""
         whole = self.problem

@@ -86,6 +86,7 @@ class Adjustment:
     linear: FloatArray
     precision: FloatArray
     freedom: float
+    is_mapped: bool = True
 
     def mapped(self, u: FloatArray) -> FloatArray:
         """Where the squares are taken for points (N, d)."""
@@ -109,8 +110,12 @@ class Adjustment:
         return np.maximum(square, -0.5 * self.freedom)
 
 
-def adjust(score: Score, centre: FloatArray, with_gap: bool) -> Adjustment:
-    """The adjustment at a minimum (d,) for noise alone, or for noise and gap."""
+def adjust(score: Score, centre: FloatArray, with_gap: bool, mapped: bool = True) -> Adjustment:
+    r"""The adjustment at a minimum (d,) for noise alone, or for noise and gap.
+
+    A linear map would distort a valley that bends. There (not ``mapped``) T is the identity and :math:`\kappa` such
+    that no direction is narrower than by P: intervals that are too wide rather than wrong.
+    """
     dimension = len(centre)
     normal, slope = score.normal.sum(axis=0), score.slope.sum(axis=0)
     parts = [*score.noise, *(score.gap if with_gap else [])]
@@ -124,12 +129,16 @@ def adjust(score: Score, centre: FloatArray, with_gap: bool) -> Adjustment:
     root, inverse_root = (vectors * values**0.5) @ vectors.T, (vectors * values**-0.5) @ vectors.T
     spreads, axes = np.linalg.eigh(inverse_root @ scatter @ inverse_root)
     spreads = np.maximum(spreads, 1e-6 * spreads.max())
-    half = (axes * spreads**-0.5).T @ root
-    precision = half.T @ half
-    _, sizes, turned = np.linalg.svd(half @ root)
-    matrix = inverse_root @ (turned.T * sizes) @ turned @ inverse_root
-    largest = float(np.linalg.eigvalsh(matrix)[-1])
-    matrix, scale = matrix / largest, largest**2
+    if mapped:
+        half = (axes * spreads**-0.5).T @ root
+        precision = half.T @ half
+        _, sizes, turned = np.linalg.svd(half @ root)
+        matrix = inverse_root @ (turned.T * sizes) @ turned @ inverse_root
+        largest = float(np.linalg.eigvalsh(matrix)[-1])
+        matrix, scale = matrix / largest, largest**2
+    else:
+        scale = 1 / float(spreads.max())
+        matrix, precision = np.eye(dimension), scale * normal
     wanted = precision @ np.linalg.solve(normal, slope)
     return Adjustment(
         centre=centre,
@@ -138,6 +147,7 @@ def adjust(score: Score, centre: FloatArray, with_gap: bool) -> Adjustment:
         linear=wanted - scale * matrix.T @ slope,
         precision=precision,
         freedom=_freedom(parts, freedoms, inverse_root),
+        is_mapped=mapped,
     )
 
 
