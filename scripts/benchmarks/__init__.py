@@ -30,7 +30,7 @@ def run_benchmark(name: str, **options: float | None) -> dict[str, Any]:
     name
         One of `BENCHMARKS`.
     options
-        Of the benchmark's function: runs, seed, jobs, limit; None takes its default.
+        Of the benchmark's function: runs, seed, jobs, limit, peers; None takes its default.
 
     Raises
     ------

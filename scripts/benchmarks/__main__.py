@@ -30,6 +30,7 @@ def bench(
     seed: int | None = None,
     jobs: int | None = None,
     limit: float | None = None,
+    peers: int | None = None,
     report: Path | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=())] = False,
 ) -> None:
@@ -49,12 +50,14 @@ def bench(
         Threads; results do not depend on it. All cores by default.
     limit
         Seconds that each competitor may take, where one would take hours; the table shows how far it came.
+    peers
+        Runs of the searches beside the default one at most, where a run takes minutes; with 0 they are left out.
     report
         Folder to write the table into, as README.md, with the benchmark's figures.
     as_json
         Print one JSON object on standard output.
     """
-    result = run_benchmark(name, runs=runs, seed=seed, jobs=jobs, limit=limit)
+    result = run_benchmark(name, runs=runs, seed=seed, jobs=jobs, limit=limit, peers=peers)
     if report is not None:
         write_report(name, result, report)
     if as_json:
@@ -70,7 +73,7 @@ def write_report(name: str, result: Mapping[str, Any], folder: Path) -> None:
         shutil.copytree(settings["report"], folder, dirs_exist_ok=True)
         return
     pictures = draw_figures(name, folder)
-    options = "".join(f" --{key} {settings[key]}" for key in ("runs", "seed", "limit") if key in settings)
+    options = "".join(f" --{key} {settings[key]}" for key in ("runs", "seed", "limit", "peers") if key in settings)
     lines = [
         f"# Benchmark: {name}",
         "",

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 import mofit
-from benchmarks import peers
+from benchmarks import peers as competitors
 from benchmarks.cec2013_functions import FUNCTIONS, Niching, found_optima
 from benchmarks.rows import Absent, Row
 from mofit._typing import FloatArray
@@ -44,11 +44,13 @@ class Entry:
     """A competitor and the most runs it gets."""
 
     name: str
-    search: peers.Search
+    search: competitors.Search
     runs: int = 1000
 
 
-def _effa(landscape: peers.Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int) -> peers.Answer:
+def _effa(
+    landscape: competitors.Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int
+) -> competitors.Answer:
     """The default search."""
     settings = effa.EffaSettings()
     completion = replace(settings.completion, evaluations=budget, final_tolerance=POLISHED)
@@ -57,22 +59,24 @@ def _effa(landscape: peers.Landscape, dimension: int, budget: int, rng: np.rando
     )
 
 
-def _mlsl(landscape: peers.Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int) -> peers.Answer:
+def _mlsl(
+    landscape: competitors.Landscape, dimension: int, budget: int, rng: np.random.Generator, _: int
+) -> competitors.Answer:
     """With its own stop rule."""
     settings = mlsl.MlslSettings(evaluations=budget, final_tolerance=POLISHED)
     return _global(mlsl.search(landscape.value, landscape.gradient, dimension, rng, settings))
 
 
-def _global(result: SearchResult) -> peers.Answer:
+def _global(result: SearchResult) -> competitors.Answer:
     """The minima about as good as the best."""
     best = result.archived_cost <= result.archived_cost.min() + GLOBAL
-    return peers.Answer(result.archived_points[best], result.evaluations)
+    return competitors.Answer(result.archived_points[best], result.evaluations)
 
 
-def _reported(search: peers.Search) -> peers.Search:
+def _reported(search: competitors.Search) -> competitors.Search:
     """A peer of whose local minima those about as good as its best are reported, each once."""
 
-    def run(landscape: peers.Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Any:
+    def run(landscape: competitors.Landscape, dimension: int, budget: int, rng: np.random.Generator, price: int) -> Any:
         answer = search(landscape, dimension, budget, rng, price)
         if len(answer.points) == 0:
             return answer
@@ -83,7 +87,7 @@ def _reported(search: peers.Search) -> peers.Search:
                 break
             if all(np.linalg.norm(answer.points[k] - other) > 1e-3 for other in kept):
                 kept.append(answer.points[k])
-        return peers.Answer(np.array(kept), answer.spent)
+        return competitors.Answer(np.array(kept), answer.spent)
 
     return run
 
@@ -91,10 +95,10 @@ def _reported(search: peers.Search) -> peers.Search:
 ENTRIES = (
     Entry("effa", _effa),
     Entry("mlsl", _mlsl, FEW),
-    Entry("multi-start L-BFGS-B, Sobol", _reported(peers.multi_start), FEW),
-    Entry("shgo, Sobol", _reported(peers.shgo), FEW),
-    Entry("NicheGA (pymoo)", peers.niche_ga, FEW),
-    Entry("Omni-optimizer (pymoo)", peers.omni, FEW),
+    Entry("multi-start L-BFGS-B, Sobol", _reported(competitors.multi_start), FEW),
+    Entry("shgo, Sobol", _reported(competitors.shgo), FEW),
+    Entry("NicheGA (pymoo)", competitors.niche_ga, FEW),
+    Entry("Omni-optimizer (pymoo)", competitors.omni, FEW),
 )
 
 #: Mean peak ratio over all functions and accuracies as published, rescored with the official code.
@@ -111,6 +115,7 @@ def run(
     runs: int = 50,
     seed: int = 0,
     jobs: int = 1,
+    peers: int = FEW,
     functions: Sequence[Niching] = FUNCTIONS,
     entries: Sequence[Entry] = ENTRIES,
     kept: Path = RUNS,
@@ -125,6 +130,8 @@ def run(
         Of all runs; results do not depend on ``jobs``.
     jobs
         Processes.
+    peers
+        Runs of the others at most; with 0 they are left out.
     functions, entries
         Which of the functions and competitors.
     kept
@@ -139,6 +146,8 @@ def run(
         What they were run with.
     """
     code = _code()
+    limited = [replace(entry, runs=min(entry.runs, runs if entry.runs > FEW else peers)) for entry in entries]
+    entries = [entry for entry in limited if entry.runs]
     wanted = [
         {"function": function.number, "search": entry.name, "run": number, "seed": seed, "code": code}
         for number in range(runs)  # what is there of an unfinished study is as many runs of every function
@@ -167,7 +176,7 @@ def run(
         {"function": "mean of all", "search": name, "functions": len(FUNCTIONS), "mean PR": ratio}
         for name, ratio in PUBLISHED.items()
     ]
-    settings = {"runs": runs, "seed": seed, **versions("numpy", "scipy", "casadi", "ioh"), **NOTES}
+    settings = {"runs": runs, "seed": seed, "peers": peers, **versions("numpy", "scipy", "casadi", "ioh"), **NOTES}
     return overall + published + per_function, settings
 
 
