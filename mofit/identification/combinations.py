@@ -21,7 +21,7 @@ SIMPLE = 0.03
 
 
 def combined(
-    space: ParameterSpace, point: FloatArray, hessian: FloatArray, bends: bool = False
+    space: ParameterSpace, point: FloatArray, hessian: FloatArray, path: FloatArray | None = None
 ) -> list[tuple[list[str], str]]:
     r"""Sets of parameters that are undetermined only one by one, and what is determined of each.
 
@@ -38,9 +38,12 @@ def combined(
         The minimum (d,), unit coordinates.
     hessian
         Of the negative log posterior there (d, d); the range of a parameter has no part in it.
-    bends
-        Whether the valley of what is not determined bends: on log scales, that of a product is straight.
+    path
+        Points along the valley through the minimum, if it bends, shape (K, d). On log scales, that of a product does
+        not.
     """
+    if path is not None and (along := _along(space, path)):
+        return [along]
     values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
     flat = vectors[:, values < UNDETERMINED**-2]
     alone = np.abs(flat).max(axis=1, initial=0.0) > 0 if flat.size else np.zeros(len(space), dtype=bool)
@@ -59,10 +62,23 @@ def combined(
             continue
         if len(members) == 2:
             own = np.linalg.eigh(projector[np.ix_(members, members)])[1][:, -1]
-            if simple := _simple(space, point, members, own, bends):
+            if simple := _simple(space, point, members, own, bends=False):
                 what = f"only {simple} is determined"
         found.append((names, what))
     return found
+
+
+def _along(space: ParameterSpace, path: FloatArray) -> tuple[list[str], str] | None:
+    """The parameters that change along a path, and what is determined of them; None if it is a single one."""
+    members = [int(k) for k in np.flatnonzero(np.ptp(path, axis=0) > UNDETERMINED)]
+    if len(members) < 2:
+        return None
+    names = [space.names[k] for k in members]
+    steps = np.diff(path, axis=0)[:, members]
+    bend = int(np.argmax(np.min(np.abs(steps), axis=1) / np.linalg.norm(steps, axis=1)))  # where all change
+    if len(members) == 2 and (simple := _simple(space, path[bend : bend + 2].mean(axis=0), members, steps[bend], True)):
+        return names, f"only {simple} is determined"
+    return names, f"the data determine {len(members) - 1} of their {len(members)} combinations"
 
 
 def _groups(linked: np.ndarray) -> list[list[int]]:

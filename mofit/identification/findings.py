@@ -89,11 +89,13 @@ def at_limits(space: ParameterSpace, minimum: Minimum, hessian: FloatArray, aske
     return found
 
 
-def ridges(space: ParameterSpace, point: FloatArray, hessian: FloatArray, bends: bool) -> list[Finding]:
+def ridges(
+    space: ParameterSpace, point: FloatArray, hessian: FloatArray, path: FloatArray | None = None
+) -> list[Finding]:
     """Parameters that the data determine only together; see `mofit.identification.combinations.combined`."""
     return [
         Finding("ridge", "caution", f"{', '.join(names)} cannot be told apart: {what}.")
-        for names, what in combined(space, point, hessian, bends)
+        for names, what in combined(space, point, hessian, path)
     ]
 
 

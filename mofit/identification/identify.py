@@ -135,7 +135,7 @@ def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settin
     return (
         *misfit(problem, problem.objectives(best.minimum.point[None])[0]),
         *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
-        *ridges(space, best.minimum.point, whole, best.sampled.bends),
+        *ridges(space, best.minimum.point, whole, best.path),
     )
 
 

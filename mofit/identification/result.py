@@ -34,6 +34,8 @@ class PosteriorMode:
     chains: Chains
     """Without a step where the mode was not sampled."""
     profile: Profile
+    path: FloatArray | None = None
+    """Points along its valley, if that bends, shape (K, d)."""
 
     @property
     def is_sampled(self) -> bool:

@@ -30,6 +30,7 @@ from mofit.runtime.progress import Progress, StageTimer, silent
 from mofit.sampling import (
     Chains,
     Evidence,
+    StudentTMixture,
     bridge_log_evidence,
     laplace_covariance,
     laplace_log_evidence,
@@ -50,6 +51,8 @@ SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 16, 100, 4000
 FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
 NEIGHBOURHOOD = 0.01
+#: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
+IN_VALLEY = 5.0
 
 
 def locate_minima(
@@ -193,13 +196,17 @@ def adjusted_modes(
 
     Where noise and gap weaken the likelihood, the priors of the stages move a minimum.
     """
-    located = []
+    located, valleys = [], list[StudentTMixture]()
     plausible = without_joined(posterior, _plausible(minima, settings.least_probability))
     for minimum in plausible[: settings.most_modes]:
+        if any(valley.distance(minimum.point[None])[0] < IN_VALLEY for valley in valleys):
+            continue
         local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
         adjusted = adjusted_posterior(local, minimum.point)
         if along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
             adjusted = adjusted.unmapped()
+            valley = along_valley(adjusted.evaluate, minimum.point, adjusted.hessian)
+            valleys += [] if valley is None else [valley]
         (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
     return tuple(sorted(located, key=lambda pair: -_log_evidence(pair[0])))
@@ -242,6 +249,8 @@ def sample_modes(
         belongs = mode_region(index, values, centres, covariances)
         own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
         profiles = profile(adjusted, minimum.point, sd)
+        valley = along_valley(adjusted.evaluate, minimum.point, minimum.hessian)
+        along = None if valley is None else valley.means
         chains, evidence = _unsampled(minimum)
         left = until - time.monotonic()
         if settings.sample and left > 0:
@@ -251,7 +260,7 @@ def sample_modes(
                 covariance,
                 (settings.seed, index + 1),
                 settings.sampling,
-                valley=along_valley(adjusted.evaluate, minimum.point, minimum.hessian),
+                valley=valley,
                 backend_path=path,
                 mode=name,
                 progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
@@ -259,7 +268,7 @@ def sample_modes(
             )
             if drawn.thinned().points.shape[1] >= FEWEST_DRAWS:
                 chains, evidence = drawn, bridge_log_evidence(own, drawn.thinned(), settings.seed)
-        sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles))
+        sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles, along))
     probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
 

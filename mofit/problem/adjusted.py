@@ -59,11 +59,6 @@ class AdjustedPosterior:
         adjustment = adjust(self.score, self.adjustment.centre, with_gap=True, mapped=False)
         return replace(self, adjustment=adjustment)
 
-    @property
-    def bends(self) -> bool:
-        """Whether it is that of a valley that bends."""
-        return not self.adjustment.is_mapped
-
     def local(self, point: FloatArray, sd: FloatArray) -> AdjustedPosterior:
         """The same, quicker to evaluate around a point (d,) with standard deviations (d,); see `Problem.local`."""
         whole = self.problem

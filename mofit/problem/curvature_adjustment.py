@@ -86,7 +86,6 @@ class Adjustment:
     linear: FloatArray
     precision: FloatArray
     freedom: float
-    is_mapped: bool = True
 
     def mapped(self, u: FloatArray) -> FloatArray:
         """Where the squares are taken for points (N, d)."""
@@ -147,7 +146,6 @@ def adjust(score: Score, centre: FloatArray, with_gap: bool, mapped: bool = True
         linear=wanted - scale * matrix.T @ slope,
         precision=precision,
         freedom=_freedom(parts, freedoms, inverse_root),
-        is_mapped=mapped,
     )
 
 

@@ -67,6 +67,11 @@ class StudentTMixture:
         determinants = np.sum(np.log(np.diagonal(self._factors, axis1=1, axis2=2)), axis=1)
         return np.asarray(np.log(self.weights) + peak - determinants)
 
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Of points (n, d) to the nearest component, in its standard deviations, shape (n,)."""
+        gaps = points[None] - self.means[:, None]
+        return np.asarray(np.linalg.norm(gaps @ self._whiteners.transpose(0, 2, 1), axis=2).min(axis=0))
+
     def log_density(self, points: FloatArray) -> FloatArray:
         """Log density at points (n, d), shape (n,)."""
         gaps = points[None] - self.means[:, None]

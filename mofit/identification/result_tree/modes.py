@@ -140,7 +140,7 @@ def _of_draws(space: ParameterSpace, mode: PosteriorMode) -> dict[str, ArrayLike
     samples = draws.reshape(-1, len(space))
     values = space.from_unit(samples)
     q05, q50, q95 = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
-    found = combined(space, mode.minimum.point, mode.minimum.hessian)
+    found = combined(space, mode.minimum.point, mode.minimum.hessian, mode.path)
     together = {name for names, _ in found for name in names}
     return {
         "mean": values.mean(axis=0),
