@@ -125,6 +125,41 @@ def test_a_product_is_one_solution_with_the_combination_named(tmp_path):
     assert (told["green"], told["trusted"]) == (False, True)
 
 
+class Sum(Model):
+    """A stiffness that is a sum of two parameters, beside a damping."""
+
+    name = "sum"
+    parameters = (
+        Parameter("a", "N/m", 1.0, 1e5, 100.0, "log"),
+        Parameter("b", "N/m", 1.0, 1e5, 100.0, "log"),
+        Parameter("d", "N s/m", 1.0, 1e4, 100.0, "log"),
+    )
+    inputs = (Channel("displacement", "m"), Channel("velocity", "m/s", derivative_of="displacement"))
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s):
+        return Equations(outputs={"force": (s.a + s.b) * s.displacement + s.d * s.velocity})
+
+
+def test_a_sum_is_one_solution_and_what_stands_beside_it_is_sampled(tmp_path):
+    time = np.arange(0, 8, 0.01)
+    stroke = 0.01 * np.sin(2 * np.pi * time)
+    experiment = Experiment("sine", "sine", time, {"displacement": stroke}, {}, 1.0, 0.01)
+    velocity = 0.01 * 2 * np.pi * np.cos(2 * np.pi * time)
+    force = 2000 * stroke + 200 * velocity + 0.1 * np.random.default_rng(0).standard_normal(len(time))
+    campaign = Campaign(
+        "sum", "simulated", {}, (Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"}),)
+    )
+    _, tree = identify(campaign, Sum(), Settings(jobs=1), out=tmp_path / "run")
+    assert list(tree["modes"].children) == ["m1"]
+    told = summary(tree, tmp_path)
+    assert [finding["text"] for finding in told["findings"]] == ["a, b cannot be told apart: only a + b is determined."]
+    assert (told["green"], told["trusted"]) == (False, True)
+    found = told["modes"][0]["parameters"]
+    assert [found[name]["verdict"] for name in "abd"] == [TOGETHER, TOGETHER, "identified"]
+    assert found["d"]["q05"] < 200 < found["d"]["q95"]
+
+
 def test_sums_are_named_and_what_is_determined_is_not():
     point = LINEAR.to_unit([1.0, 2.9])
     assert combined(LINEAR, point, hessian_of(LINEAR, point, lambda _: np.array([1.0, 1.0]))) == [
