@@ -23,7 +23,7 @@ SAG = 0.7
 END = 10.0
 #: Newton steps back to the bottom of the valley at most, and the fall in nats at which they end.
 CORRECTIONS, SETTLED = 12, 1e-3
-#: Bends of the valley, as the least cosine between its directions, below which it is straight: one Gaussian does.
+#: Least cosine between directions of the path that counts as straight: one Gaussian does.
 STRAIGHT = 0.95
 #: Degrees of freedom of the proposal.
 FREEDOM = 5.0

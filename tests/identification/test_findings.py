@@ -97,6 +97,16 @@ def test_products_are_named(x, y, case):
     assert combined(SPACE, np.array([x, y]), hessian) == [(["a", "b"], f"only {name} is determined")]
 
 
+def spring_and_damper(stiffness, damping):
+    """A sine of 1 Hz, with noise on the force."""
+    time = np.arange(0, 8, 0.01)
+    stroke, velocity = 0.01 * np.sin(2 * np.pi * time), 0.02 * np.pi * np.cos(2 * np.pi * time)
+    force = stiffness * stroke + damping * velocity + 0.1 * np.random.default_rng(0).standard_normal(len(time))
+    experiment = Experiment("sine", "sine", time, {"displacement": stroke}, {}, 1.0, 0.01)
+    units = {"displacement": "m", "force": "N"}
+    return Campaign("spring and damper", "simulated", {}, (Measurement(experiment, {"force": force}, units),))
+
+
 class Product(Model):
     """A gain that is a product of two parameters."""
 
@@ -110,14 +120,7 @@ class Product(Model):
 
 
 def test_a_product_is_one_solution_with_the_combination_named(tmp_path):
-    time = np.arange(0, 8, 0.01)
-    stroke = 0.01 * np.sin(2 * np.pi * time)
-    experiment = Experiment("sine", "sine", time, {"displacement": stroke}, {}, 1.0, 0.01)
-    force = 2000 * stroke + 0.1 * np.random.default_rng(0).standard_normal(len(time))
-    campaign = Campaign(
-        "product", "simulated", {}, (Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"}),)
-    )
-    _, tree = identify(campaign, Product(), Settings(jobs=1), out=tmp_path / "run")
+    _, tree = identify(spring_and_damper(2000, 0), Product(), Settings(jobs=1), out=tmp_path / "run")
     assert list(tree["modes"].children) == ["m1"]
     assert set(tree["modes/m1"]["verdict"].values) == {TOGETHER}
     told = summary(tree, tmp_path)
@@ -142,15 +145,7 @@ class Sum(Model):
 
 
 def test_a_sum_is_one_solution_and_what_stands_beside_it_is_sampled(tmp_path):
-    time = np.arange(0, 8, 0.01)
-    stroke = 0.01 * np.sin(2 * np.pi * time)
-    experiment = Experiment("sine", "sine", time, {"displacement": stroke}, {}, 1.0, 0.01)
-    velocity = 0.01 * 2 * np.pi * np.cos(2 * np.pi * time)
-    force = 2000 * stroke + 200 * velocity + 0.1 * np.random.default_rng(0).standard_normal(len(time))
-    campaign = Campaign(
-        "sum", "simulated", {}, (Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"}),)
-    )
-    _, tree = identify(campaign, Sum(), Settings(jobs=1), out=tmp_path / "run")
+    _, tree = identify(spring_and_damper(2000, 200), Sum(), Settings(jobs=1), out=tmp_path / "run")
     assert list(tree["modes"].children) == ["m1"]
     told = summary(tree, tmp_path)
     assert [finding["text"] for finding in told["findings"]] == ["a, b cannot be told apart: only a + b is determined."]
