@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ def fold_periods(
     """
     cut = tuple(
         _cut(experiment, outputs, period, simulator.tolerance)
-        for experiment, outputs, period in zip(experiments, simulator.simulate(values), periods, strict=True)
+        for experiment, outputs, period in zip(experiments, _one_by_one(simulator, values), periods, strict=True)
     )
     return simulator.with_experiments(cut), cut
 
@@ -63,20 +63,24 @@ def coarse_steps(
     Only the *change* of that defect is an error then. Where it exceeds the simulator's tolerance at any of the
     parameter sets (K, p), of which the first is the point, nothing is changed.
     """
-    exact = simulator.simulate(values)
     for steps in STEPS:
         quick = simulator.with_steps(steps)
-        defects = [coarse - fine for coarse, fine in zip(quick.simulate(values), exact, strict=True)]
-        if all(
-            _constant(experiment, defect, simulator.tolerance)
-            for experiment, defect in zip(experiments, defects, strict=True)
-        ):
-            corrected = tuple(
-                experiment.changed(measured=experiment.measured + defect[0])
-                for experiment, defect in zip(experiments, defects, strict=True)
-            )
-            return quick.with_experiments(corrected), corrected
+        both = zip(experiments, _one_by_one(quick, values), _one_by_one(simulator, values), strict=True)
+        corrected = []
+        for experiment, coarse, fine in both:
+            defect = coarse - fine
+            if not _constant(experiment, defect, simulator.tolerance):
+                break
+            corrected.append(experiment.changed(measured=experiment.measured + defect[0]))
+        else:
+            return quick.with_experiments(corrected), tuple(corrected)
     return simulator, tuple(experiments)
+
+
+def _one_by_one(simulator: Simulator, values: FloatArray) -> Iterator[FloatArray]:
+    """Outputs (K, n, ny) of one test after the other: those of all together are large."""
+    for test in range(len(simulator.experiments)):
+        yield from simulator.select([test]).simulate(values)
 
 
 def _constant(experiment: ExperimentData, defects: FloatArray, tolerance: float) -> bool:

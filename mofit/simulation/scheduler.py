@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import ctypes
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,14 +20,13 @@ from mofit.simulation.compiler.machine import host
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import free_first
 from mofit.simulation.kernel import Kernel, Table
+from mofit.simulation.table_cache import Shelf
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
 #: up to so many vectors carried from sample to sample, four registers for each still pay
 _FEW_CARRIED = 20
 #: more sets of values of the parameters that are not free than this, and they go into lanes
 _MANY_SETS = 4
-#: bytes of tables that are kept for the next call; the usual campaign needs less
-_KEPT_BYTES = 1e8
 #: bytes of tables and results that are worked on together
 _AT_ONCE_BYTES = 3e7
 
@@ -106,12 +104,12 @@ class Scheduler:
         self._order = free_first(system.parameters, free)
         self._one_loop = one_loop
         self._kernels: dict[KernelKey, Kernel] = {}
-        self._tables: OrderedDict[TableKey, Table] = OrderedDict()
+        self._tables = Shelf()
 
     def without_tables(self) -> Scheduler:
         """The same, compiled code shared, with no tables yet."""
         other = copy.copy(self)
-        other._tables = OrderedDict()
+        other._tables = Shelf()
         return other
 
     def reduced(
@@ -180,24 +178,11 @@ class Scheduler:
     def _table(
         self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: _Block, used: set[TableKey]
     ) -> Table:
-        """The table of a test for a block's level and fixed parameters, kept for the next call where there is room.
-
-        Tables that this call has ``used`` stay: where all do not fit, the next call finds these at least.
-        """
+        """The table of a test for a block's level and fixed parameters; those that this call has ``used`` stay."""
         fixed = block.parameters[len(self.free) :, 0]
         known = (key, experiment, block.level.steps, b"" if block.fixed_per_lane else fixed.tobytes())
         used.add(known)
-        if known in self._tables:
-            self._tables.move_to_end(known)
-            return self._tables[known]
-        table = kernel.table(experiment, block.level, fixed)
-        room = _KEPT_BYTES - sum(kept.nbytes for kept in self._tables.values())
-        for old in [old for old in self._tables if old not in used]:
-            if room < table.nbytes:
-                room += self._tables.pop(old).nbytes
-        if room >= table.nbytes:
-            self._tables[known] = table
-        return table
+        return self._tables.table(known, lambda: kernel.table(experiment, block.level, fixed), used)
 
     def _run(
         self,
