@@ -10,7 +10,11 @@ from report_page import ROOT, header, made_with, table
 
 SCRIPTS = sorted(path for path in (ROOT / "scripts" / "studies").glob("*.py") if "def main" in path.read_text())
 #: studies that share a folder of reports
-PAGES = {"sixty_systems": "robustness/systems.md", "interrupted": "robustness/interrupted.md"}
+PAGES = {
+    "sixty_systems": "robustness/systems.md",
+    "interrupted": "robustness/interrupted.md",
+    "memory": "robustness/memory.md",
+}
 
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem) for path in SCRIPTS])
