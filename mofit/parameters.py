@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 
+#: scopes of a parameter; any other is the name of a condition
+PER_CAMPAIGN, PER_TEST = "campaign", "test"
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -41,6 +44,10 @@ class Parameter:
     log scale stays positive."""
     scales: tuple[tuple[str, float], ...] = ()
     """How range, nominal value and grid grow with the data: powers of channels, see `powers` and `Model.typical`."""
+    per: str = PER_CAMPAIGN
+    """What it has one value of: the ``"campaign"``, every ``"test"``, or every value of a condition, by its name."""
+    pooled: bool = False
+    """Whether the values of its tests or conditions are drawn from a normal, whose spread is estimated along."""
 
     @property
     def possible(self) -> tuple[float, float]:

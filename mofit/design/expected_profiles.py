@@ -86,7 +86,7 @@ class ExpectedData:
             prior=GaussianPrior(names, centre, known.precision(())[0]),
         )  # fmt: skip
         score = _expected_score(own, known.derivative[0])
-        return AdjustedPosterior(problem, adjust(score, centre, with_gap=False), 0.0, 0.0, score)
+        return AdjustedPosterior(problem, adjust(score, centre, with_gap=False), 0.0, 0.0, score, 0.0)
 
 
 def _expected_score(tests: Sequence[Sensitivity], derivative: FloatArray) -> Score:

@@ -24,7 +24,9 @@ class AdjustedPosterior:
     squares: float
     """Weighted squares there."""
     score: Score
-    """Of every test there."""
+    """Of every objective there."""
+    volume: float
+    """`CampaignPosterior.log_volume` there."""
 
     @property
     def space(self) -> ParameterSpace:
@@ -35,8 +37,9 @@ class AdjustedPosterior:
         """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
 
         def likelihood(points: FloatArray) -> FloatArray:
-            change = self.problem.squares(self.adjustment.mapped(points)) - self.squares
-            return self.offset + self.adjustment.value(change, points)
+            mapped = self.adjustment.mapped(points)
+            change = self.problem.squares(mapped) - self.squares
+            return self.offset + self.adjustment.value(change, points) + self.problem.log_volume(mapped) - self.volume
 
         return self.problem.prior_density.log_posterior(u, likelihood)
 
@@ -87,4 +90,5 @@ def adjusted_posterior(problem: CampaignPosterior, point: FloatArray, *, with_ga
     score = problem.score(point)
     here = point[None]
     offset = -float(problem.log_posterior(here)[0]) - float(problem.prior_density.value(here)[0])
-    return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, float(problem.squares(here)[0]), score)
+    squares, volume = float(problem.squares(here)[0]), float(problem.log_volume(here)[0])
+    return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, squares, score, volume)

@@ -38,6 +38,8 @@ class Noise:
     """NRMSD of the noise alone, from repeated periods."""
     independent: FloatArray
     """How many residuals are independent; all of them, to begin with."""
+    absorbed: int = 0
+    """Scoped values that are fitted along: each takes a residual's information."""
     gap: float = np.inf
     """NRMSD of what the model misses, common to all objectives; infinite, to begin with: equal weight for every NRMSD²,
     the paper's objective."""
@@ -130,7 +132,8 @@ def effective_samples(residuals: FloatArray) -> float:
 def _weights(noise: Noise) -> tuple[FloatArray, float, float]:
     """Weight of each test's cost in Q, the number of independent residuals, and what perfect data leave of Q."""
     weights = noise.weights
-    return weights, float(noise.independent.sum()), float(np.sum(weights * noise.count) * RESIDUAL_FLOOR**2)
+    independent = max(float(noise.independent.sum()) - noise.absorbed, 1.0)
+    return weights, independent, float(np.sum(weights * noise.count) * RESIDUAL_FLOOR**2)
 
 
 def negative_log_likelihood(cost: FloatArray, noise: Noise) -> FloatArray:

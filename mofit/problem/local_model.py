@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +49,8 @@ def fold_periods(
         Parameter sets (K, p): the point first, then those at which the shortcut must hold (`star`).
     """
     cut = tuple(
-        _cut(experiment, outputs, period, simulator.tolerance)
-        for experiment, outputs, period in zip(experiments, _one_by_one(simulator, values), periods, strict=True)
+        _cut(experiment, outputs[..., 0], period, simulator.tolerance)
+        for experiment, outputs, period in zip(experiments, simulator.one_by_one(values, False), periods, strict=True)
     )
     return simulator.with_experiments(cut), cut
 
@@ -65,22 +65,16 @@ def coarse_steps(
     """
     for steps in STEPS:
         quick = simulator.with_steps(steps)
-        both = zip(experiments, _one_by_one(quick, values), _one_by_one(simulator, values), strict=True)
+        both = zip(experiments, quick.one_by_one(values, False), simulator.one_by_one(values, False), strict=True)
         corrected = []
         for experiment, coarse, fine in both:
-            defect = coarse - fine
+            defect = (coarse - fine)[..., 0]
             if not _constant(experiment, defect, simulator.tolerance):
                 break
             corrected.append(experiment.changed(measured=experiment.measured + defect[0]))
         else:
             return quick.with_experiments(corrected), tuple(corrected)
     return simulator, tuple(experiments)
-
-
-def _one_by_one(simulator: Simulator, values: FloatArray) -> Iterator[FloatArray]:
-    """Outputs (K, n, ny) of one test after the other: those of all together are large."""
-    for test in range(len(simulator.experiments)):
-        yield from simulator.select([test]).simulate(values)
 
 
 def _constant(experiment: ExperimentData, defects: FloatArray, tolerance: float) -> bool:

@@ -50,6 +50,9 @@ class CampaignPosterior(Posterior, Protocol):
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of squares of all tests, shape (N,)."""
 
+    def log_volume(self, u: FloatArray) -> FloatArray:
+        """What the scoped parameters, integrated out, add to the negative log likelihood, shape (N,)."""
+
     def squares_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The same with gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
 
@@ -114,6 +117,10 @@ class JointProblem:
         for companion in self.companions:
             total = total + companion.squares(self._mapped(companion, u)[0])
         return total
+
+    def log_volume(self, u: FloatArray) -> FloatArray:
+        """Of the main problem: companions have no scoped parameters."""
+        return self.main.log_volume(u)
 
     def squares_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The same with gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""

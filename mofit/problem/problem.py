@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from mofit.problem.objectives import first_noise, independent_residuals, objecti
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.score_covariance import score_covariance
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs, require
+from mofit.simulation.scoped_simulator import ScopedSimulator
+from mofit.simulation.scopes import Scopes, scoped
 
 #: Integration error that is allowed, relative to the output's range. Anywhere in the box: 1e-4 adds at most 1e-6 to an
 #: NRMSD of 5e-3. Near a mode: a share of the noise and gap there; on the paper's rig 3e-5, which is 0.1 N where the
@@ -121,9 +123,14 @@ class Problem:
         """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
 
         def likelihood(points: FloatArray) -> FloatArray:
-            return negative_log_likelihood(self.simulator.cost(self.layout.full(points)), self.noise)
+            cost = self.simulator.cost(self.layout.full(points))
+            return negative_log_likelihood(cost, self.noise) + self.log_volume(points)
 
         return self.prior_density.log_posterior(u, likelihood)
+
+    def log_volume(self, u: FloatArray) -> FloatArray:
+        """What the scoped parameters, integrated out, add to the negative log likelihood, shape (N,)."""
+        return self.simulator.log_volume(self.layout.full(u))
 
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of all objectives' squares, shape (N,), as the likelihood sees them."""
@@ -144,9 +151,8 @@ class Problem:
         values = self.layout.full(point[None])
 
         def responses() -> Iterator[tuple[FloatArray, FloatArray]]:
-            for k in range(len(self.experiments)):  # one by one: all samples' sensitivities together are large
-                ((output, slopes),) = self.simulator.select([k]).sensitivities(values)
-                yield output[0], slopes[0] * derivative
+            for response in self.simulator.one_by_one(values, derivatives=True):
+                yield response[0, ..., 0], response[0, ..., 1:] * derivative
 
         sums = self.sums(point[None])
         return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses())
@@ -158,18 +164,23 @@ class Problem:
     def with_noise_at(self, u: FloatArray) -> Problem:
         """The problem with its noise as seen at one point u (d,)."""
         independent = independent_residuals(self.experiments, [output[0] for output in self.simulate(u[None])])
-        return replace(self, noise=self.noise.at(self.objectives(u[None])[0], independent))
+        return self.with_noise(self.noise.at(self.objectives(u[None])[0], independent))
 
     def with_noise(self, noise: Noise) -> Problem:
         """The problem with another view of its noise."""
-        return replace(self, noise=noise)
+        return replace(self, noise=noise, simulator=self.simulator.weighted(noise.weights))
 
     def with_fixed(self, values: Mapping[str, float]) -> Problem:
         """The problem with other values of parameters that are not free; those of free ones are ignored."""
         return replace(self, layout=self.layout.with_fixed(values))
 
     def with_free(self, space: ParameterSpace, fixed: Mapping[str, float], prior: GaussianPrior = FLAT) -> Problem:
-        """The same tests with other free parameters, values of the others and prior; data are shared."""
+        """The same tests with other free parameters, values of the others and prior; data are shared.
+
+        Scoped parameters stay as they are.
+        """
+        space, own = scoped(space)
+        fixed = {**fixed, **dict(zip(own.names, own.nominal, strict=True))}
         layout, simulator = ParameterLayout.of_model(self.model.parameters, space, fixed), self.simulator
         if layout.space.names == self.space.names:
             simulator = simulator.within(layout.box(), TOLERANCE)
@@ -185,7 +196,8 @@ class Problem:
         reach = REACH * sd
         box = self.layout.box(np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0))
         tolerance = float(np.clip(NOISE_SHARE * np.sqrt(self.noise.variance.min()), TIGHTEST, TOLERANCE))
-        return replace(self, simulator=self.simulator.within(box, tolerance))
+        simulator = self.simulator.within(box, tolerance)
+        return replace(self, simulator=simulator.around(self.layout.full(points)) if len(points) == 1 else simulator)
 
     def local(self, point: FloatArray, sd: FloatArray) -> Problem:
         """The same problem, as quick to simulate around a point (d,) as the tolerance allows.
@@ -193,20 +205,23 @@ class Problem:
         Good for standard deviations (d,) around it; see `mofit.problem.local_model`.
         """
         values = self.layout.full(star(point, sd))
-        simulator, experiments = fold_periods(self.simulator, self.experiments, self.periods, values)
+        simulator = self.simulator.around(values[:1])
+        simulator, experiments = fold_periods(simulator, self.experiments, self.periods, values)
         simulator, experiments = coarse_steps(simulator, experiments, values)
         return replace(self, simulator=simulator, experiments=experiments)
 
     def select(self, tests: Sequence[str]) -> Problem:
         """The same problem on some of its tests."""
         index = [self.tests.index(name) for name in tests]
+        simulator = self.simulator.select(index)
+        noise = replace(self.noise.select(objectives_of(self.experiments, index)), absorbed=simulator.absorbed)
         return replace(
             self,
             measurements=tuple(self.measurements[i] for i in index),
             signals=tuple(self.signals[i] for i in index),
             experiments=tuple(self.experiments[i] for i in index),
-            simulator=self.simulator.select(index),
-            noise=self.noise.select(objectives_of(self.experiments, index)),
+            simulator=simulator,
+            noise=noise,
         )
 
 
@@ -229,7 +244,7 @@ def build_problem(
     campaign
         All of its tests are used.
     space
-        Free parameters; all of the model's if not given.
+        Free parameters, each with its scope; all of the model's if not given.
     fixed
         Values of parameters that are not free; nominal if not given.
     prior
@@ -246,21 +261,24 @@ def build_problem(
     """
     system = build_system(model)
     require(model, campaign)
-    layout = ParameterLayout.of_model(model.parameters, space, fixed)
+    shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
+    layout = ParameterLayout.of_model(model.parameters, shared, fixed)
     excitation, tests = first_input(model), campaign.measurements
     signals = tuple(analyse(test, excitation, measured_outputs(model, test)[0]) for test in tests)
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
         for measurement, analysis in zip(tests, signals, strict=True)
     )
+    make = partial(ScopedSimulator, scopes=Scopes.of(own, tests)) if own.names else Simulator
+    simulator = make(system, experiments, shared.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box())
     return Problem(
         model=model,
         system=system,
         measurements=tuple(tests),
         signals=signals,
         layout=layout,
-        simulator=Simulator(system, experiments, layout.space.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box()),
+        simulator=simulator,
         experiments=experiments,
-        noise=first_noise(model, tests, signals, experiments),
+        noise=replace(first_noise(model, tests, signals, experiments), absorbed=simulator.absorbed),
         prior=prior,
     )

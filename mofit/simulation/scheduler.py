@@ -96,7 +96,8 @@ def _threads(process: int, jobs: int) -> ThreadPoolExecutor:
 class Scheduler:
     """Runs parameter sets through tests at given step levels; system, free and jobs as for `Simulator`.
 
-    With ``one_loop`` one loop is compiled for all cases rather than the fastest for each.
+    Parameter sets have shape (N, np), or (N, T, np) where each test has its own values. With ``one_loop`` one loop is
+    compiled for all cases rather than the fastest for each.
     """
 
     def __init__(self, system: System, free: Sequence[str], jobs: int, one_loop: bool = False) -> None:
@@ -143,6 +144,16 @@ class Scheduler:
 
     def _blocks(self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool) -> list[tuple[int, _Block]]:
         """The batch in blocks that share a test (its index), the fixed parameters and the step level."""
+        if p.ndim == 3:
+            return [(t, block) for t, choice in enumerate(choices) for block in self._cut(p[:, t], choice, derivatives)]
+        blocks: dict[int, list[_Block]] = {}  # the same choice for several tests is the same blocks
+        for choice in choices:
+            if id(choice) not in blocks:
+                blocks[id(choice)] = self._cut(p, choice, derivatives)
+        return [(test, block) for test, choice in enumerate(choices) for block in blocks[id(choice)]]
+
+    def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[_Block]:
+        """The blocks of one test."""
         ordered = np.ascontiguousarray(p[:, self._order])
         fixed = ordered[:, len(self.free) :]
         group, per_lane = np.zeros(len(p), dtype=int), False
@@ -160,16 +171,12 @@ class Scheduler:
                 padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
                 yield _Block(taken, level, lanes, np.ascontiguousarray(ordered[padded].T), per_lane)
 
-        blocks: dict[int, list[_Block]] = {}  # the same choice for several tests is the same blocks
-        for choice in choices:
-            if id(choice) not in blocks:
-                blocks[id(choice)] = [
-                    block
-                    for number in np.unique(choice.taken[choice.taken >= 0])
-                    for which in np.unique(group[choice.taken == number])
-                    for block in cut(np.flatnonzero((choice.taken == number) & (group == which)), choice.levels[number])
-                ]
-        return [(test, block) for test, choice in enumerate(choices) for block in blocks[id(choice)]]
+        return [
+            block
+            for number in np.unique(choice.taken[choice.taken >= 0])
+            for which in np.unique(group[choice.taken == number])
+            for block in cut(np.flatnonzero((choice.taken == number) & (group == which)), choice.levels[number])
+        ]
 
     def _kernel(self, key: KernelKey, level: StepLevel) -> Kernel:
         if key not in self._kernels:

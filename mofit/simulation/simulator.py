@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
 
@@ -112,6 +112,23 @@ class Simulator:
         raise_errors(issue for experiment in experiments for issue in experiment.issues(self.system))
         return self._with(experiments=tuple(experiments))
 
+    def weighted(self, weights: FloatArray) -> Simulator:
+        """The same for other weights of the objectives (K,), which decide where some share a scoped parameter."""
+        return self
+
+    def around(self, p: FloatArray) -> Simulator:
+        """The same for sets around one, (1, np): its scoped parameters are looked for near those of that one."""
+        return self
+
+    def log_volume(self, p: FloatArray) -> FloatArray:
+        """What integrating over scoped parameters adds to a negative log likelihood at sets (N, np), (N,)."""
+        return np.zeros(len(p))
+
+    @property
+    def absorbed(self) -> int:
+        """Number of values of scoped parameters that are fitted along."""
+        return 0
+
     def without_tables(self) -> Simulator:
         """The same with none of the tables that speed up the next call: frees memory; code is shared."""
         return self._with(_scheduler=self._scheduler.without_tables())
@@ -155,13 +172,24 @@ class Simulator:
             if np.shape(bound) != (len(names),)
         ]
 
+    def one_by_one(self, p: ArrayLike, derivatives: bool) -> Iterator[FloatArray]:
+        """Outputs and, with ``derivatives``, their slopes, (N, n, ny, 1 + nf), of one test after the other.
+
+        Those of all tests together can be large.
+        """
+        for test in range(len(self.experiments)):
+            yield from self.select([test])._stored(p, derivatives)
+
     def _stored(self, p: ArrayLike, derivatives: bool) -> list[FloatArray]:
         p = self._checked(p)
         return self._scheduler.stored(self.experiments, p, self._choices(p), derivatives)
 
     def _reduced(self, p: ArrayLike, derivatives: bool) -> FloatArray:
         p = self._checked(p)
-        sums = self._scheduler.reduced(self.experiments, p, self._choices(p), derivatives)
+        return self._of_objectives(self._scheduler.reduced(self.experiments, p, self._choices(p), derivatives))
+
+    def _of_objectives(self, sums: FloatArray) -> FloatArray:
+        """Sums (N, T, ny, terms) as those of the objectives, (N, K, terms); nan where a simulation failed."""
         tests, outputs = np.array(objective_pairs(self.experiments), dtype=int).reshape(-1, 2).T
         sums = sums[:, tests, outputs]
         sums[~np.isfinite(sums[..., 0])] = np.nan

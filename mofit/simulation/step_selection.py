@@ -59,7 +59,9 @@ class StepSelection:
         return [rules[experiment.origin or experiment] for experiment in experiments]
 
     def choices(self, p: FloatArray, experiments: Sequence[ExperimentData]) -> list[StepChoice]:
-        """How each test is integrated at parameter sets (N, np)."""
+        """How each test is integrated at parameter sets (N, np), or (N, T, np) if each test has its own."""
+        if p.ndim == 3:
+            return [self.choices(np.ascontiguousarray(p[:, t]), [e])[0] for t, e in enumerate(experiments)]
         if self._box is None:
             measured = self._measured(p.tobytes(), len(p))
             return [measured[experiment.origin or experiment] for experiment in experiments]
