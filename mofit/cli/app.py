@@ -95,6 +95,17 @@ def range_by_name(option: str, entries: Iterable[str]) -> dict[str, tuple[float,
     return _named(option, entries, bounds, "LOWER:UPPER", "1:2")
 
 
+def text_by_name(option: str, entries: Iterable[str]) -> dict[str, str]:
+    """``["a=b"]`` to ``{"a": "b"}``; an `InputError` has every entry that is not NAME=NAME."""
+
+    def name(text: str) -> str:
+        if not text.strip():
+            raise ValueError
+        return text.strip()
+
+    return _named(option, entries, name, "NAME", "vertical_force")
+
+
 def tests_by_name(option: str, entries: Iterable[str]) -> dict[str, tuple[str, ...]]:
     """``["low=a,b"]`` to ``{"low": ("a", "b")}``; an `InputError` has every entry that is not NAME=TEST,TEST."""
 

@@ -26,11 +26,13 @@ from mofit.cli.app import (
     print_json,
     range_by_name,
     seconds,
+    text_by_name,
 )
 from mofit.cli.time_limit import LATE
 from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import InputError
 from mofit.identification.search_registry import DEFAULT_SEARCH
+from mofit.parameters import PER_TEST
 
 
 @app.command
@@ -48,6 +50,9 @@ def identify(
     weights: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
+    per_test: tuple[str, ...] = (),
+    per: tuple[str, ...] = (),
+    pooled: tuple[str, ...] = (),
     joint: Joint = False,
     seed: Seed = 0,
     out: Path | None = None,
@@ -71,6 +76,12 @@ def identify(
         Use only the tests of this frequency in Hz; repeatable.
     weights
         Weight of a test in the search, TEST=NUMBER; repeatable.
+    per_test
+        Parameter that has a value of its own in every test (an offset, an initial state); repeatable.
+    per
+        Parameter that has one value per value of a condition, PARAMETER=CONDITION; repeatable.
+    pooled
+        Like --per-test or --per, its values drawn from a normal whose mean and spread are estimated; repeatable.
     out
         Folder of the run. By default the next free one under runs/.
     resume
@@ -90,6 +101,8 @@ def identify(
         weights=by_name("--weights", weights),
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
+        scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
+        pooled=pooled,
         joint=joint,
         seed=seed,
         jobs=cores(jobs),

@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from mofit.data import Campaign
-from mofit.errors import InputError
+from mofit.errors import InputError, Issue, raise_errors
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.settings import Settings, free_space
-from mofit.models import Model
+from mofit.models import Model, find_model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
 from mofit.simulation.ranges import data_scales, scaled
+from mofit.simulation.scopes import scoped
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,9 @@ class ProblemSetup:
     campaign: Campaign
     """The tests of the main identification only."""
     space: ParameterSpace
-    """Free parameters of the model."""
+    """Free parameters of the campaign."""
+    scoped: ParameterSpace
+    """Free parameters with a value per test or condition."""
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     """A sentence per stage that had no tests."""
@@ -39,9 +44,8 @@ class ProblemSetup:
             message = "fixes every parameter of the search; the calibration stages estimate the others"
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
         fixed = {**known, **self.settings.fixed}
-        return build_problem(
-            self.model, self.campaign, space=self.space.subset(free), fixed=fixed, jobs=self.settings.jobs
-        )
+        space = ParameterSpace((*self.space.subset(free).parameters, *self.scoped.parameters))
+        return build_problem(self.model, self.campaign, space=space, fixed=fixed, jobs=self.settings.jobs)
 
     @cached_property
     def posterior(self) -> CampaignPosterior:
@@ -73,7 +77,8 @@ def set_up_problem(
     tests
         Names of the tests of the main identification; by default all whose excitation the model is made for.
     space
-        Free parameters; by default the model's, in ranges for the data (`mofit.simulation.ranges`) or those asked for.
+        Free parameters of the campaign; by default the model's, in ranges for the data (`mofit.simulation.ranges`) or
+        those asked for.
     done
         Stages fitted to this campaign before; those that are the same are not fitted again.
 
@@ -84,9 +89,27 @@ def set_up_problem(
     """
     selected = campaign.select(choose_tests(model, campaign, tests))
     model = scaled(model, data_scales(model, selected))
-    space = free_space(model, settings) if space is None else space
+    shared, own = scoped(free_space(model, settings))
+    space, own = space or shared, _wide(own, settings)
+    _refuse_calibrated(model, own)
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
-    return ProblemSetup(model, settings, selected, space, tuple(calibrations), tuple(warnings))
+    return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings))
+
+
+def _wide(own: ParameterSpace, settings: Settings) -> ParameterSpace:
+    """Scoped parameters are not searched, so that a wide range costs nothing; bounds asked for stay."""
+    sides = np.array([0 if name in settings.bounds else 1 for name in own.names])
+    return own.farther(sides).farther(-sides)
+
+
+def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:
+    """Scoped parameters that a stage calibrates have no value of their own in the stage's tests."""
+    for stage in model.stages:
+        names = {p.name for p in find_model(stage.model).parameters} & {*own.names}
+        raise_errors(
+            Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
+            for name in sorted(names)
+        )
 
 
 def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) -> tuple[str, ...]:

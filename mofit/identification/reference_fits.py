@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import xarray as xr
 
 from mofit.data import Campaign
@@ -17,6 +18,9 @@ from mofit.identification.stages import fit, refined, starts_of
 from mofit.models import Model, find_model
 from mofit.problem import adjusted_posterior
 from mofit.runtime.progress import StageTimer
+
+#: Best starts of a test that are refined on it alone; three minima are shown.
+STARTS_ALONE = 8
 
 
 def fit_references(
@@ -51,7 +55,9 @@ def _each_alone(located: Located) -> dict[str, LocalFit]:
     searched, (starts, _) = located.searched.with_fixed(best), starts_of(located.search)
     fits = {}
     for test in searched.tests:
-        problem, minima = refined(searched.select([test]), starts)
+        alone = searched.select([test])
+        order = np.argsort(alone.objectives(starts).sum(axis=1), kind="stable")
+        problem, minima = refined(alone, starts[order[:STARTS_ALONE]])
         fits[test] = LocalFit(
             problem, tuple(replace(m, hessian=adjusted_posterior(problem, m.point).hessian) for m in minima)
         )
@@ -71,5 +77,7 @@ def _baseline(
         settings,
         bounds={name: value for name, value in settings.bounds.items() if name in names},
         fixed={name: value for name, value in fixed.items() if name in names},
+        scopes={name: per for name, per in settings.scopes.items() if name in names},
+        pooled=tuple(name for name in settings.pooled if name in names),
     )
     return fit(set_up_problem(reference, campaign, own, tests, done=done))

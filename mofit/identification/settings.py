@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from numbers import Integral
 
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.models import Model
-from mofit.parameters import ParameterSpace
+from mofit.parameters import PER_CAMPAIGN, PER_TEST, ParameterSpace
 from mofit.sampling import SampleSettings
 
 #: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
@@ -36,6 +36,10 @@ class Settings:
         Identify calibration and dynamic parameters at once, all tests together.
     bounds, fixed
         Other bounds, or a fixed value, for parameters by name.
+    scopes
+        ``"test"`` or the name of a condition, for parameters that have one value of each.
+    pooled
+        Scoped parameters whose values are drawn from a normal, whose mean and spread are estimated.
     least_probability
         Modes of less posterior probability (Laplace approximation) are listed, not sampled.
     most_modes
@@ -55,6 +59,8 @@ class Settings:
     joint: bool = False
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fixed: Mapping[str, float] = field(default_factory=dict)
+    scopes: Mapping[str, str] = field(default_factory=dict)
+    pooled: tuple[str, ...] = ()
     least_probability: float = 1e-3
     most_modes: int = 6
     sampling: SampleSettings = field(default_factory=SampleSettings)
@@ -88,11 +94,17 @@ def is_seed(seed: object) -> bool:
 
 
 def free_space(model: Model, settings: Settings) -> ParameterSpace:
-    """Free parameters: the model's, without the fixed ones, in the bounds asked for."""
+    """Free parameters: the model's, without the fixed ones, in the bounds and with the scopes asked for.
+
+    Raises
+    ------
+    InputError
+        With every name that the model does not have, or if none is left free.
+    """
     space = ParameterSpace(model.parameters)
     raise_errors(
         Issue(f"option '{name}'", f"model '{model.name}' has no such parameter", did_you_mean(name, space.names))
-        for name in (*settings.bounds, *settings.fixed)
+        for name in dict.fromkeys((*settings.bounds, *settings.fixed, *settings.scopes, *settings.pooled))
         if name not in space.names
     )
     raise_errors(
@@ -103,7 +115,17 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
     )  # fmt: skip
     for name, (lower, upper) in settings.bounds.items():
         space = space.with_bounds(name, lower, upper)
+    for name in {*settings.scopes, *settings.pooled}:
+        pooled, per = name in settings.pooled or space[name].pooled, settings.scopes.get(name, space[name].per)
+        own = PER_TEST if pooled and per == PER_CAMPAIGN else per
+        space = space.with_parameter(replace(space[name], per=own, pooled=pooled))
     free = [name for name in space.names if name not in settings.fixed]
     if not free:
         raise InputError.of("--fix", "no parameter is left free", "Leave at least one free")
-    return space.subset(free)
+    return _with_one_shared(space.subset(free))
+
+
+def _with_one_shared(space: ParameterSpace) -> ParameterSpace:
+    if all(p.per != PER_CAMPAIGN for p in space.parameters):
+        raise InputError.of("--per-test", "no parameter is left that the tests share", "Leave one to the campaign")
+    return space

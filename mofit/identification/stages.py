@@ -47,6 +47,8 @@ P = TypeVar("P", bound=CampaignPosterior)
 LEAST_PROBABILITY = 1e-6
 #: Share of a time limit for one search, the points at which its pace is measured, and the least and the usual budget.
 SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 16, 100, 4000
+#: Budget where every evaluation fits the scoped parameters of all tests.
+SCOPED_EVALUATIONS = 1000
 #: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
 FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
@@ -128,7 +130,7 @@ def search(
 def _evaluations(problem: Problem, settings: Settings) -> int | None:
     """The budget of the search: as asked for, less where the time limit does not allow it; None: the search's own."""
     if settings.time_limit is None:
-        return settings.evaluations
+        return settings.evaluations or (SCOPED_EVALUATIONS if problem.simulator.absorbed else None)
     points = np.random.default_rng(settings.seed).random((PACED, len(problem.space)))
     problem.gradients(points[:1])  # compiles
     began = time.perf_counter()

@@ -42,6 +42,8 @@ _REMEMBERED = 4
 _FLAT = 1e-10
 #: Newton's step at once: most scoped parameters enter linearly
 _INNER = RefineSettings(damping=1e-9, longest_step=1.0, merge=None)
+#: far from the best parameters roughly is enough
+_SEARCHED = replace(_INNER, decrease_tolerance=1e-3, gradient_tolerance=1e-2, max_iterations=10)
 
 
 @dataclass(frozen=True)
@@ -238,39 +240,35 @@ class ScopedSimulator(Simulator):
     def _found(self, p: FloatArray) -> Best:
         """Minimise the squares of every group at every set, all together."""
         search = _Search(self, p)
-        count, groups = len(p), len(search.unknowns.used)
-        starts = search.starts()
-        minimise_each(search.evaluate, np.tile(starts, (count, 1, 1, 1)).reshape(-1, starts.shape[-1]), _INNER)
-        chosen = np.argmin(np.where(np.isfinite(search.value), search.value, np.inf), axis=1)  # (N, G)
-        n, g = np.arange(count)[:, None], np.arange(groups)
-        unit = search.unit[n, chosen, g]
-        normal = search.normal[n, chosen, g]
-        k = search.unknowns.group[self._tests]
-        cost = search.cost[n, chosen[:, k], np.arange(len(k))]
+        for start in search.starts:
+            search.evaluate(np.tile(start, (len(p), 1, 1)).reshape(-1, start.shape[-1]), np.arange(search.value.size))
+        settings = _SEARCHED if self.scopes.known is None else _INNER
+        minimise_each(search.evaluate, search.unit.reshape(-1, search.unit.shape[-1]).copy(), settings)
+        unit, cost = search.unit, search.cost
         values = np.repeat(p[:, None], len(self.experiments), axis=1)
         values[..., self._columns] = self.scopes.space.from_unit(search.unknowns.by_test(unit))
-        return Best(search.unknowns, unit, values, cost, _solvable(normal, search.unknowns.used, unit))
+        return Best(search.unknowns, unit, values, cost, _solvable(search.normal, search.unknowns.used, unit))
 
 
 class _Search:
-    """The minimisation of every group's squares: rows are set, start and group, in this order."""
+    """The minimisation of every group's squares: a row is a set and a group, in this order."""
 
     def __init__(self, simulator: ScopedSimulator, p: FloatArray) -> None:
         self.simulator, self.p = simulator, p
         self.unknowns = simulator.scopes.unknowns([e.name for e in simulator.experiments])
         groups, most = self.unknowns.used.shape
-        self.first = self.starts()
-        shape = (len(p), len(self.first), groups)
+        self.starts = self._starts()
         #: the best so far of every row
-        self.value, self.unit = np.full(shape, np.inf), np.tile(self.first, (len(p), 1, 1, 1))
-        self.normal = np.zeros((*shape, most, most))
-        self.cost = np.full((*shape[:2], len(simulator._tests)), np.nan)
+        self.value = np.full((len(p), groups), np.inf)
+        self.unit = np.tile(self.starts[0], (len(p), 1, 1))
+        self.normal = np.zeros((len(p), groups, most, most))
+        self.cost = np.full((len(p), len(simulator._tests)), np.nan)
         counts = [np.count_nonzero(simulator.experiments[t].weights[:, y])
                   for t, y in objective_pairs(simulator.experiments)]  # fmt: skip
         self.count = self.unknowns.summed(simulator._tests, np.array([counts], dtype=float))[0]
 
-    def starts(self) -> FloatArray:
-        """Where the search begins, (S, G, m)."""
+    def _starts(self) -> FloatArray:
+        """Where the search may begin, (S, G, m)."""
         scopes = self.simulator.scopes
         space, names = scopes.space, [e.name for e in self.simulator.experiments]
         if scopes.known is not None:
@@ -290,7 +288,7 @@ class _Search:
         unit[place, group] = points
         wanted = np.zeros((len(active), len(unknowns.used)), dtype=bool)
         wanted[place, group] = True
-        values = np.repeat(self.p[active // len(self.first)][:, None], len(simulator.experiments), axis=1)
+        values = np.repeat(self.p[active][:, None], len(simulator.experiments), axis=1)
         values[..., simulator._columns] = simulator.scopes.space.from_unit(unknowns.by_test(unit))
         masks = wanted[:, unknowns.group]
         choices = [
@@ -322,14 +320,13 @@ class _Search:
         cost: FloatArray, matrix: FloatArray,
     ) -> None:  # fmt: skip
         """Remember what is better than before."""
-        n, s = np.divmod(active, len(self.first))
-        better = wanted & (value < self.value[n, s])
+        better = wanted & (value < self.value[active])
         row, group = np.nonzero(better)
-        self.value[n[row], s[row], group] = value[row, group]
-        self.unit[n[row], s[row], group] = unit[row, group]
-        self.normal[n[row], s[row], group] = matrix[row, group]
+        self.value[active[row], group] = value[row, group]
+        self.unit[active[row], group] = unit[row, group]
+        self.normal[active[row], group] = matrix[row, group]
         row, k = np.nonzero(better[:, self.unknowns.group[self.simulator._tests]])
-        self.cost[n[row], s[row], k] = cost[row, k]
+        self.cost[active[row], k] = cost[row, k]
 
 
 def _unpacked(sums: FloatArray, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
