@@ -35,7 +35,7 @@ _FLAT = 1e-12
 
 @dataclass(frozen=True)
 class Score:
-    """Gradient, curvature and covariance of the gradient (J) of every test at a point."""
+    """Gradient, curvature and covariance of the gradient (J) of every objective at a point."""
 
     slope: FloatArray
     """w_t times the gradient of C_t / 2, shape (T, d)."""
@@ -46,7 +46,7 @@ class Score:
     gap: FloatArray
     """Covariance of the slope by what the model misses, (T, d, d)."""
     freedom: FloatArray
-    """Degrees of freedom behind the noise of each test, (T,)."""
+    """Degrees of freedom behind the noise of each objective, (T,)."""
     gap_freedom: float
     """Those behind the gap."""
     gap_squares: tuple[float, float] = (0.0, 0.0)

@@ -1,6 +1,7 @@
 r"""Objectives and likelihood of all tests: relative noise levels known, overall level marginalised.
 
-The objective of a test is its NRMSD (`nrmsd`).
+The objective of a test is its NRMSD (`nrmsd`). Of a model with several outputs each output that was measured in a test
+is an objective of its own, with its own noise; "test" stands for such a pair below.
 
 Residuals of test :math:`t`, relative to the range of its output, are Gaussian with variance :math:`s^2 v_t`. The
 relative variances :math:`v_t` are fixed beforehand (`Noise`): the test's noise floor plus a gap common to all tests.
@@ -29,7 +30,7 @@ RESIDUAL_FLOOR = 1e-9
 
 @dataclass(frozen=True)
 class Noise:
-    """What is known of the residuals of each test; shapes (tests,)."""
+    """What is known of the residuals of each objective; shapes (objectives,)."""
 
     count: FloatArray
     """Residuals that count."""
@@ -38,8 +39,8 @@ class Noise:
     independent: FloatArray
     """How many residuals are independent; all of them, to begin with."""
     gap: float = np.inf
-    """NRMSD of what the model misses, common to all tests; infinite, to begin with: equal weight for every test's
-    NRMSD², the paper's objective."""
+    """NRMSD of what the model misses, common to all objectives; infinite, to begin with: equal weight for every NRMSD²,
+    the paper's objective."""
 
     @property
     def variance(self) -> FloatArray:
@@ -50,21 +51,21 @@ class Noise:
 
     @property
     def weights(self) -> FloatArray:
-        """Weight of each test's squares."""
+        """Weight of each objective's squares."""
         return np.asarray(self.independent / (self.count * self.variance))
 
     def select(self, index: list[int]) -> Noise:
-        """The noise of some of the tests."""
+        """The noise of some of the objectives."""
         return replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
 
     def at(self, nrmsd: FloatArray, independent: FloatArray) -> Noise:
-        """Noise as seen at a point: independent residuals counted there, gap estimated from the NRMSD (tests,)."""
+        """Noise as seen at a point: independent residuals counted there, gap estimated from the NRMSD there."""
         return replace(self, independent=independent, gap=common_gap(nrmsd, self.floor, independent))
 
 
 @dataclass(frozen=True)
 class TestSums:
-    """Per-test sums at N points: cost (N, T), gradient of cost/2 (N, T, d), Gauss-Newton matrix (N, T, d, d)."""
+    """Sums per objective at N points: cost (N, T), gradient of cost/2 (N, T, d), Gauss-Newton matrix (N, T, d, d)."""
 
     __test__ = False  # not a pytest class
 

@@ -83,9 +83,10 @@ def _constant(experiment: ExperimentData, defects: FloatArray, tolerance: float)
     """Whether defects (K, n, ny) of a test are those of the first set, within the tolerance times the range."""
     if not np.isfinite(defects).all():
         return False
-    used = experiment.weights > 0
+    seen = list(experiment.fitted)
+    used, defects = experiment.weights[:, seen] > 0, defects[..., seen]
     change = np.where(used, np.abs(defects - defects[0]), 0.0).max(axis=(0, 1))
-    measured = np.where(used, experiment.measured, np.nan)
+    measured = np.where(used, experiment.measured[:, seen], np.nan)
     return bool(np.all(change <= tolerance * (np.nanmax(measured, axis=0) - np.nanmin(measured, axis=0))))
 
 
@@ -99,8 +100,9 @@ def _cut(experiment: ExperimentData, outputs: FloatArray, period: float | None, 
     if not len(fitting):
         return experiment
     repeat, end = round(fitting[0]), used[-1] + 1
-    change = outputs - outputs[0]
-    allowed = tolerance * np.ptp(experiment.measured[used], axis=0)
+    seen = list(experiment.fitted)
+    change = (outputs - outputs[0])[..., seen]
+    allowed = tolerance * np.ptp(experiment.measured[used][:, seen], axis=0)
     for start in range(0, end - 2 * repeat + 1, max(repeat // 4, 1)):
         later = np.arange(start + repeat, end)
         phase = start + (later - start) % repeat

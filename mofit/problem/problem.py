@@ -17,15 +17,15 @@ from mofit.problem.curvature_adjustment import Score
 from mofit.problem.likelihood import (
     Noise,
     TestSums,
-    effective_samples,
     likelihood_terms,
     negative_log_likelihood,
     nrmsd,
 )
 from mofit.problem.local_model import coarse_steps, fold_periods, star
+from mofit.problem.objectives import first_noise, independent_residuals, objective_names, objectives_of
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.score_covariance import score_covariance
-from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, require
+from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs, require
 
 #: Integration error that is allowed, relative to the output's range. Anywhere in the box: 1e-4 adds at most 1e-6 to an
 #: NRMSD of 5e-3. Near a mode: a share of the noise and gap there; on the paper's rig 3e-5, which is 0.1 N where the
@@ -70,8 +70,13 @@ class Problem:
 
     @property
     def tests(self) -> tuple[str, ...]:
-        """Names of the tests: one objective each."""
+        """Names of the tests."""
         return tuple(measurement.name for measurement in self.measurements)
+
+    @property
+    def objective_names(self) -> tuple[str, ...]:
+        """Names of the objectives: the tests, or ``test / output`` where the model has several outputs."""
+        return objective_names(self.model, self.experiments)
 
     @property
     def periods(self) -> list[float | None]:
@@ -84,12 +89,12 @@ class Problem:
         return self.prior.over(self.space.names)
 
     def objectives(self, u: FloatArray) -> FloatArray:
-        """NRMSD per test (eq. 10), shape (N, tests)."""
+        """NRMSD of every test and output measured in it (eq. 10), shape (N, objectives)."""
         values = nrmsd(self.simulator.cost(self.layout.full(u)), self.noise.count)
         return np.where(np.isfinite(values), values, np.nan)
 
     def sums(self, u: FloatArray) -> TestSums:
-        """Cost, gradient and Gauss-Newton matrix per test, in unit coordinates."""
+        """Cost, gradient and Gauss-Newton matrix per objective, in unit coordinates."""
         cost, gradient, normal = self.simulator.gauss_newton(self.layout.full(u))
         slope = self.space.derivative(self.space.from_unit(u))
         return TestSums(
@@ -99,7 +104,7 @@ class Problem:
         )
 
     def gradients(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        r"""NRMSD per test (N, T) and its gradient :math:`J_t^T W r_t / (n_t \mathrm{NRMSD}_t)`, (N, T, d)."""
+        r"""NRMSD per objective (N, T) and its gradient :math:`J_t^T W r_t / (n_t \mathrm{NRMSD}_t)`, (N, T, d)."""
         sums = self.sums(u)
         values = nrmsd(sums.cost, self.noise.count)
         values = np.where(np.isfinite(values), values, np.nan)
@@ -121,7 +126,7 @@ class Problem:
         return self.prior_density.log_posterior(u, likelihood)
 
     def squares(self, u: FloatArray) -> FloatArray:
-        """Weighted sum of all tests' squares, shape (N,), as the likelihood sees them."""
+        """Weighted sum of all objectives' squares, shape (N,), as the likelihood sees them."""
         return np.asarray(self.simulator.cost(self.layout.full(u)) @ self.noise.weights)
 
     def squares_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -134,7 +139,7 @@ class Problem:
         )
 
     def score(self, point: FloatArray) -> Score:
-        """Gradient, curvature and covariance of the gradient of every test at a point (d,)."""
+        """Gradient, curvature and covariance of the gradient of every objective at a point (d,)."""
         derivative = self.space.derivative(self.space.from_unit(point))
         values = self.layout.full(point[None])
 
@@ -152,12 +157,8 @@ class Problem:
 
     def with_noise_at(self, u: FloatArray) -> Problem:
         """The problem with its noise as seen at one point u (d,)."""
-        independent = []
-        for experiment, output in zip(self.experiments, self.simulate(u[None]), strict=True):
-            used = experiment.weights[:, 0] > 0
-            columns = (output[0] - experiment.measured)[used].T
-            independent.append(sum(effective_samples(column) for column in columns))
-        return replace(self, noise=self.noise.at(self.objectives(u[None])[0], np.array(independent)))
+        independent = independent_residuals(self.experiments, [output[0] for output in self.simulate(u[None])])
+        return replace(self, noise=self.noise.at(self.objectives(u[None])[0], independent))
 
     def with_noise(self, noise: Noise) -> Problem:
         """The problem with another view of its noise."""
@@ -205,7 +206,7 @@ class Problem:
             signals=tuple(self.signals[i] for i in index),
             experiments=tuple(self.experiments[i] for i in index),
             simulator=self.simulator.select(index),
-            noise=self.noise.select(index),
+            noise=self.noise.select(objectives_of(self.experiments, index)),
         )
 
 
@@ -241,29 +242,25 @@ def build_problem(
     Raises
     ------
     InputError
-        With every channel and condition that a test lacks.
+        With every channel and condition that a test lacks; of several outputs it may lack some.
     """
     system = build_system(model)
     require(model, campaign)
     layout = ParameterLayout.of_model(model.parameters, space, fixed)
-    excitation, output = first_input(model), model.outputs[0].name
-    signals = tuple(analyse(measurement, excitation, output) for measurement in campaign.measurements)
+    excitation, tests = first_input(model), campaign.measurements
+    signals = tuple(analyse(test, excitation, measured_outputs(model, test)[0]) for test in tests)
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
-        for measurement, analysis in zip(campaign.measurements, signals, strict=True)
+        for measurement, analysis in zip(tests, signals, strict=True)
     )
-    count = np.array([np.count_nonzero(experiment.weights) for experiment in experiments], dtype=float)
-    # of all outputs together
-    floors = [[analysis.noise_floor.get(c.name, 0.0) for c in model.outputs] for analysis in signals]
-    floor = np.sqrt(np.mean(np.square(floors), axis=1))
     return Problem(
         model=model,
         system=system,
-        measurements=tuple(campaign.measurements),
+        measurements=tuple(tests),
         signals=signals,
         layout=layout,
         simulator=Simulator(system, experiments, layout.space.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box()),
         experiments=experiments,
-        noise=Noise(count, floor, count.copy()),
+        noise=first_noise(model, tests, signals, experiments),
         prior=prior,
     )

@@ -24,14 +24,14 @@ def score_covariance(
     periods: Sequence[float | None],
     responses: Iterable[tuple[FloatArray, FloatArray]],
 ) -> Score:
-    """The score of every test at one point; see `mofit.problem.Score`.
+    """The score of every objective at one point; see `mofit.problem.Score`.
 
     Parameters
     ----------
     sums
-        Cost, gradient and Gauss-Newton matrix of every test there, one point.
+        Cost, gradient and Gauss-Newton matrix of every objective there, one point.
     weights
-        Weight of each test's squares.
+        Weight of each objective's squares.
     experiments, periods
         The tests, and the period of each in s, None where it has none.
     responses
@@ -40,17 +40,12 @@ def score_covariance(
     """
     processes, noise, lines, freedom = [], [], [], []
     for experiment, period, response in zip(experiments, periods, responses, strict=True):
-        pairs = _residual_noise(experiment, period, *response)
-        processes += [process for process, _ in pairs]
-        noise.append(sum(process.score_covariance(own) for process, own in pairs))
-        # the gap is linear in the excess, which is known only when all tests have been seen
-        lines.append(
-            [
-                sum(process.score_covariance(own, _on_lines(process, unit)) for process, own in pairs)
-                for unit in ((1.0, 0.0), (0.0, 1.0))
-            ]
-        )
-        freedom.append(sum(process.effective_degrees_of_freedom(own) for process, own in pairs))
+        for process, own in _residual_noise(experiment, period, *response):
+            processes.append(process)
+            noise.append(process.score_covariance(own))
+            # the gap is linear in the excess, which is known only when all tests have been seen
+            lines.append([process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))])
+            freedom.append(process.effective_degrees_of_freedom(own))
     excess, gap_freedom = _gap(processes, sums.gradient.shape[-1])
     gap = np.einsum("e,tedf->tdf", np.array(excess), np.array(lines))
     return Score(
@@ -67,9 +62,9 @@ def score_covariance(
 def _residual_noise(
     experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
 ) -> list[tuple[NoiseProcess, FloatArray]]:
-    """Noise of every output of a test and its sensitivities (n, d), relative to its range, over the samples used."""
+    """Noise of every output measured in a test and its sensitivities (n, d), relative to its range, where used."""
     pairs = []
-    for i in range(output.shape[1]):
+    for i in experiment.fitted:
         used = experiment.weights[:, i] > 0
         scale = np.sqrt(experiment.weights[used, i])
         simulated = output[used, i] * scale

@@ -1,6 +1,16 @@
 """CasADi SX to SIMD machine code: batches of parameter sets through the tests of a campaign."""
 
-from mofit.simulation.experiment import ExperimentData, experiment_data, first_input, lacking, require
+from mofit.simulation.experiment import ExperimentData, experiment_data, objective_pairs
+from mofit.simulation.requirements import first_input, lacking, measured_outputs, require
 from mofit.simulation.simulator import Simulator
 
-__all__ = ["ExperimentData", "Simulator", "experiment_data", "first_input", "lacking", "require"]
+__all__ = [
+    "ExperimentData",
+    "Simulator",
+    "experiment_data",
+    "first_input",
+    "lacking",
+    "measured_outputs",
+    "objective_pairs",
+    "require",
+]

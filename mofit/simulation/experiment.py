@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -10,14 +10,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mofit._typing import FloatArray
-from mofit.data import Campaign, Experiment, Measurement
+from mofit.data import Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
-from mofit.errors import InputError, Issue, raise_errors
+from mofit.errors import InputError, Issue
 from mofit.models import Model, System
-from mofit.models.model import SAMPLE_INTERVAL, TIME
+from mofit.models.model import TIME
+from mofit.simulation.requirements import all_conditions, measured_outputs
 
-#: conditions that follow from a test's time axis, see `all_conditions`
-TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
 _SHORT_TEST = 20_000
 #: share of a period that a record may lack and still count as whole periods
@@ -66,6 +65,12 @@ class ExperimentData:
     def samples(self) -> int:
         """Number of samples."""
         return len(self.inputs)
+
+    @cached_property
+    def fitted(self) -> tuple[int, ...]:
+        """Outputs with a weight at some sample, by index; the only output of a model counts in any case."""
+        several = self.weights.shape[1] > 1
+        return tuple(np.flatnonzero(np.any(self.weights != 0, axis=0)).tolist()) if several else (0,)
 
     @cached_property
     def data(self) -> FloatArray:
@@ -139,58 +144,16 @@ def _curve(experiment: ExperimentData) -> PPoly:
 _long_curve = lru_cache(maxsize=1)(_curve)
 
 
-def first_input(model: Model) -> str:
-    """Name of the channel that excites the model; it gives a test's period."""
-    return model.inputs[0].derivative_of or model.inputs[0].name
-
-
-def require(model: Model, campaign: Campaign) -> None:
-    """Raise an `InputError` that names every channel and condition of the model that the campaign lacks."""
-    if not campaign.measurements:
-        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
-    raise_errors(lacking(model, campaign))
-
-
-def lacking(model: Model, campaign: Campaign) -> list[Issue]:
-    """Every channel and condition of the model that a test of the campaign lacks."""
-    issues = []
-    sources = [channel.derivative_of or channel.name for channel in (*model.inputs, *model.outputs)]
-    for measurement in campaign.measurements:
-        where, needs = f"test '{measurement.name}'", f"model '{model.name}' needs"
-        have = {**measurement.experiment.inputs, **measurement.outputs}
-        conditions = all_conditions(measurement.experiment)
-        issues += [
-            Issue(
-                where,
-                f"{needs} channel '{source}'; the test has {', '.join(sorted(have))}",
-                "Choose another model, or name the channel so in the file or the import map",
-            )
-            for source in sources
-            if source not in have and source != TIME.name
-        ]
-        issues += [
-            Issue(
-                where,
-                f"{needs} condition '{condition.name}' in {condition.unit}",
-                "Add it to the campaign's root or to the test's group",
-            )
-            for condition in model.conditions
-            if condition.default is None and condition.name not in conditions
-        ]
-    return issues
-
-
-def all_conditions(experiment: Experiment) -> dict[str, float]:
-    """Conditions of a test, with its sampling interval and its start since the campaign began, both in s."""
-    start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
-    return {SAMPLE_INTERVAL.name: experiment.step, **start, **experiment.conditions}
+def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, int], ...]:
+    """What is fitted, test by test: index of a test, and of an output that was measured in it."""
+    return tuple((test, output) for test, experiment in enumerate(experiments) for output in experiment.fitted)
 
 
 def experiment_data(model: Model, measurement: Measurement, record: SignalAnalysis, settled: bool) -> ExperimentData:
     """A measured test: inputs with their smooth derivatives, and a weight per sample.
 
     The weight is 1 / range² of the output where a sample is used in the fit, so that costs are squares of NRMSD; 0
-    elsewhere.
+    elsewhere, and for an output that the test lacks.
 
     Parameters
     ----------
@@ -216,16 +179,22 @@ def experiment_data(model: Model, measurement: Measurement, record: SignalAnalys
         smooth, slope = smooth_derivative(experiment.time, measurement.channel(name))
         columns[name] = smooth
         columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
-    measured = np.stack([measurement.channel(channel.name) for channel in model.outputs], axis=1)
     used = steady_samples(experiment.time, _dropped(experiment, record, settled), record.tail)
-    span = np.ptp(measured, axis=0)
-    if not np.all(span > 0):
-        raise InputError.of(
-            f"test '{measurement.name}'", "the output is constant", "Leave the test out or check the channel"
-        )
-    return in_model_order(
-        model, experiment, columns, np.where(used[:, None], measured, 0.0), np.where(used[:, None], 1 / span**2, 0.0)
-    )
+    measured = np.zeros((len(used), len(model.outputs)))
+    weights = np.zeros_like(measured)
+    have = measured_outputs(model, measurement)
+    for index, channel in enumerate(model.outputs):
+        if channel.name not in have:
+            continue
+        values = measurement.channel(channel.name)
+        if not (span := np.ptp(values)) > 0:
+            raise InputError.of(
+                f"test '{measurement.name}'",
+                "the output is constant" if len(have) == 1 else f"the output '{channel.name}' is constant",
+                "Leave the test out or check the channel",
+            )
+        measured[used, index], weights[used, index] = values[used], 1 / np.square(span)
+    return in_model_order(model, experiment, columns, measured, weights)
 
 
 def in_model_order(

@@ -117,11 +117,12 @@ class Scheduler:
     def reduced(
         self, experiments: Sequence[ExperimentData], p: FloatArray, choices: Sequence[StepChoice], derivatives: bool
     ) -> FloatArray:
-        """Sums (see `loop.Shape.sums`) per parameter set and test, shape (N, T, sums); nan where no level is taken."""
-        result = np.full((len(p), len(experiments), self._shape(derivatives).sums), np.nan)
+        """Sums per set, test and output (see `loop.Shape.terms`), (N, T, ny, terms); nan where no level is taken."""
+        shape = self._shape(derivatives)
+        result = np.full((len(p), len(experiments), shape.sums), np.nan)
         for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=True):
             result[rows, test] = values[:, : len(rows)].T
-        return result
+        return result.reshape(len(p), len(experiments), shape.outputs, shape.terms)
 
     def stored(
         self,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import System
-from mofit.simulation.experiment import ExperimentData
+from mofit.simulation.experiment import ExperimentData, objective_pairs
 from mofit.simulation.integrators import RK4
 from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.step_probing import StepProbe
@@ -132,7 +132,10 @@ class Simulator:
         return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
 
     def cost(self, p: ArrayLike) -> FloatArray:
-        r"""Weighted squares :math:`\sum_k \sum_y w_{ky} (y_{ky} - m_{ky})^2` per set and test, (N, T); nan: failed."""
+        r"""Weighted squares :math:`\sum_k w_{ky} (y_{ky} - m_{ky})^2` per set and objective, (N, T); nan: failed.
+
+        The objectives are the pairs of a test and an output of `objective_pairs`: with one output one per test.
+        """
         return self._reduced(p, derivatives=False)[..., 0]
 
     def gauss_newton(self, p: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -159,6 +162,8 @@ class Simulator:
     def _reduced(self, p: ArrayLike, derivatives: bool) -> FloatArray:
         p = self._checked(p)
         sums = self._scheduler.reduced(self.experiments, p, self._choices(p), derivatives)
+        tests, outputs = np.array(objective_pairs(self.experiments), dtype=int).reshape(-1, 2).T
+        sums = sums[:, tests, outputs]
         sums[~np.isfinite(sums[..., 0])] = np.nan
         return sums
 

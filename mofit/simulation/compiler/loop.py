@@ -54,9 +54,14 @@ class Shape:
         return [(i, j) for i in range(self.free) for j in range(i, self.free)]
 
     @property
-    def sums(self) -> int:
-        """Numbers that a reducing loop gives: cost, gradient, upper triangle."""
+    def terms(self) -> int:
+        """Numbers that a reducing loop sums of one output: cost, gradient, upper triangle."""
         return 1 + (self.free + len(self.pairs)) * self.derivatives
+
+    @property
+    def sums(self) -> int:
+        """Numbers that a reducing loop gives: the terms of every output in turn."""
+        return self.outputs * self.terms
 
 
 @lru_cache(maxsize=256)
@@ -187,12 +192,13 @@ class _Loop:
         build.position_at_end(inside)
         # on a copy: what is emitted in this branch must not be used outside it
         outputs = self._outputs(self.sample, 2, dict(values))
-        added = list(sums)
+        added = []
         for y in range(ny):
             numbers = [
                 self.emit.load_splat(data, build.add(base, self.emit.integer(1 + y + part * ny))) for part in (0, 1)
             ]
-            added = self._weighted_squares(added, outputs[y::ny], *numbers)
+            own = sums[y * self.shape.terms : (y + 1) * self.shape.terms]
+            added += self._weighted_squares(own, outputs[y::ny], *numbers)
         inside = build.block
         build.branch(after)
         build.position_at_end(after)

@@ -13,7 +13,7 @@ from mofit.data.names import channel_name_issues, name_issues, shown, title_issu
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
 from mofit.quantities import CONDITIONS
-from mofit.simulation.experiment import TIME_CONDITIONS
+from mofit.simulation.requirements import TIME_CONDITIONS
 from mofit.simulation.virtual_rig.plan import EffectPlan, NoisePlan, Plan, TestPlan
 from mofit.simulation.virtual_rig.signals import excitation, sample_count
 from mofit.units import Quantity, parse_quantity

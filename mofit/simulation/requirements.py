@@ -1,0 +1,70 @@
+"""What a model needs of a test: channels and conditions."""
+
+from __future__ import annotations
+
+from mofit.data import Campaign, Experiment, Measurement
+from mofit.errors import InputError, Issue, raise_errors
+from mofit.models import Model
+from mofit.models.model import SAMPLE_INTERVAL, TIME
+
+#: conditions that follow from a test's time axis, see `all_conditions`
+TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")
+
+
+def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
+    """Names of the model's outputs that a test has, in the model's order."""
+    have = {*measurement.experiment.inputs, *measurement.outputs}
+    return [channel.name for channel in model.outputs if channel.name in have]
+
+
+def first_input(model: Model) -> str:
+    """Name of the channel that excites the model; it gives a test's period."""
+    return model.inputs[0].derivative_of or model.inputs[0].name
+
+
+def require(model: Model, campaign: Campaign) -> None:
+    """Raise an `InputError` that names every channel and condition of the model that the campaign lacks.
+
+    Of several outputs a test may lack some, but not all.
+    """
+    if not campaign.measurements:
+        raise InputError.of(f"campaign '{campaign.title}'", "no test is left to use", "Name tests that it has")
+    raise_errors(lacking(model, campaign))
+
+
+def lacking(model: Model, campaign: Campaign) -> list[Issue]:
+    """Every channel and condition of the model that a test of the campaign lacks; some of several outputs may."""
+    issues = []
+    inputs = [channel.derivative_of or channel.name for channel in model.inputs]
+    outputs = [f"'{channel.name}'" for channel in model.outputs]
+    any_output = f"channel {outputs[0]}" if len(outputs) == 1 else f"at least one of the channels {', '.join(outputs)}"
+    for measurement in campaign.measurements:
+        where, needs = f"test '{measurement.name}'", f"model '{model.name}' needs"
+        have = {**measurement.experiment.inputs, **measurement.outputs}
+        conditions = all_conditions(measurement.experiment)
+        missing = [f"channel '{source}'" for source in inputs if source not in have and source != TIME.name]
+        missing += [] if measured_outputs(model, measurement) else [any_output]
+        issues += [
+            Issue(
+                where,
+                f"{needs} {what}; the test has {', '.join(sorted(have))}",
+                "Choose another model, or name the channel so in the file or the import map",
+            )
+            for what in missing
+        ]
+        issues += [
+            Issue(
+                where,
+                f"{needs} condition '{condition.name}' in {condition.unit}",
+                "Add it to the campaign's root or to the test's group",
+            )
+            for condition in model.conditions
+            if condition.default is None and condition.name not in conditions
+        ]
+    return issues
+
+
+def all_conditions(experiment: Experiment) -> dict[str, float]:
+    """Conditions of a test, with its sampling interval and its start since the campaign began, both in s."""
+    start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
+    return {SAMPLE_INTERVAL.name: experiment.step, **start, **experiment.conditions}
