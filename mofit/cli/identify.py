@@ -70,7 +70,7 @@ def identify(
     freq
         Use only the tests of this frequency in Hz; repeatable.
     weights
-        Weight of a test in the search, TEST=NUMBER; repeatable.
+        Weight of a test in the search, TEST=NUMBER; repeatable. Of several outputs "TEST / OUTPUT=NUMBER" names one.
     out
         Folder of the run. By default the next free one under runs/.
     resume

@@ -13,6 +13,7 @@ from mofit.identification.settings import Settings, free_space
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+from mofit.simulation import measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
 
 
@@ -28,7 +29,7 @@ class ProblemSetup:
     """Free parameters of the model."""
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
-    """A sentence per stage that had no tests."""
+    """A sentence per stage that had no tests, and per output that no test has."""
 
     @cached_property
     def searched(self) -> Problem:
@@ -86,7 +87,18 @@ def set_up_problem(
     model = scaled(model, data_scales(model, selected))
     space = free_space(model, settings) if space is None else space
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
+    warnings = [*warnings, *_unmeasured(model, selected)]
     return ProblemSetup(model, settings, selected, space, tuple(calibrations), tuple(warnings))
+
+
+def _unmeasured(model: Model, campaign: Campaign) -> list[str]:
+    """A sentence per output of the model that no test has."""
+    seen = {name for measurement in campaign.measurements for name in measured_outputs(model, measurement)}
+    return [
+        f"No test has the channel {channel.name}: this output of the model is compared with nothing."
+        for channel in model.outputs
+        if channel.name not in seen
+    ]
 
 
 def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) -> tuple[str, ...]:

@@ -14,10 +14,11 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search, search_settings
+from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
@@ -105,19 +106,14 @@ def find_modes(
 def search(
     problem: Problem, settings: Settings, progress: SearchProgress | None = None
 ) -> tuple[SearchResult, FloatArray]:
-    """Search the box of the free parameters, all tests at once; also the weight of every test, shape (tests,).
+    """Search the box of the free parameters, all tests at once; also the weight of every objective, (objectives,).
 
     Raises
     ------
     InputError
         If there is no search or no test of a name in the settings, or if every start fails.
     """
-    raise_errors(
-        Issue("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
-        for name in settings.weights
-        if name not in problem.tests
-    )
-    weights = np.array([settings.weights.get(name, 1.0) for name in problem.tests])
+    weights = search_weights(problem, settings.weights)
     run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
     with explained(problem):
         budget = search_settings(settings.search, _evaluations(problem, settings))
@@ -146,7 +142,7 @@ def fit(setup: ProblemSetup) -> LocalFit:
 
 
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
-    """The minima that the search archived, its best point of each test alone, and the stage that found each."""
+    """The minima that the search archived, its best point of each objective, and the stage that found each."""
     best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
     stages = dict.fromkeys(best, "")
     if found.found_by:
