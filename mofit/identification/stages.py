@@ -20,6 +20,7 @@ from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
+from mofit.identification.settled_noise import with_settled_noise
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_setup
@@ -160,7 +161,7 @@ def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tup
     first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    counted = problem.with_noise_at(first[0].point)
+    counted = with_settled_noise(problem, first[0].point)
     again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
     merged = merge(again, values=lambda u: -counted.log_posterior(u))
     return counted, _with_stage(merged, [minimum.found_by for minimum in first])

@@ -141,7 +141,7 @@ def headed(title: str, output: str) -> str:
 def _overlay(run: Run, mode: Mode, index: int, one: Objective) -> Overlay:
     test, observed = one.name_of_test, run.tree["observed_data"].dataset[one.name_of_test]
     name = (one.name_of_output or str(observed.attrs["long_name"])).replace("_", " ")
-    unit = observed.attrs["units"] if one.output is None else observed["output_unit"].values[one.output]
+    unit = observed.attrs["units"] if one.output is None else run.tree.dataset["output_unit"].values[one.output]
     source = run.input_of(test)
     constant = run.tree.children["constant_data"]
     weighted = f"{test}_weight" in constant.data_vars

@@ -22,7 +22,7 @@ AXES = {
     "parameter_baseline": "parameter of the baseline model",
     "test": "test of the campaign",
     "output": "output of the model",
-    "objective": "test whose NRMSD is an objective of the search, of several outputs test / output",
+    "objective": "test whose NRMSD is an objective of the search",
     "chain": "independent ensemble of walkers",
     "draw": "draw from the posterior within its ensemble",
     "checkpoint": "evaluations of the search so far",

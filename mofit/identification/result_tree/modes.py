@@ -166,11 +166,10 @@ def _log_likelihood(problem: Problem, mode: PosteriorMode, draws: FloatArray) ->
     exact = problem.objectives(points[:1])[0] ** 2 * problem.noise.count
     values = test_log_likelihood(exact + np.array(costs) - best, exact, problem.noise).reshape(chains, count, -1)
     last, found = ("output",) * (len(problem.model.outputs) > 1), over_tests(problem, values)
+    dims = ("chain", "draw", *last)
     return xr.Dataset(
         {
-            test: quantity(
-                ("chain", "draw", *last), found[:, :, i], "1", f"log likelihood of {test}, constant left out"
-            )
+            test: quantity(dims, found[:, :, i], "1", f"log likelihood of {test}, constant left out")
             for i, test in enumerate(problem.tests)
         },
         draw_axes(draws.shape),

@@ -18,11 +18,8 @@ from mofit.simulation import measured_outputs, objective_pairs
 
 def test_axes(problem: Problem) -> dict[str, xr.Variable]:
     """Labels of the tests, and of the outputs with their units where there are several."""
-    axes, outputs = {"test": axis("test", list(problem.tests))}, problem.model.outputs
-    if len(outputs) > 1:
-        axes["output"] = axis("output", [channel.name for channel in outputs])
-        axes["output_unit"] = quantity("output", [channel.unit for channel in outputs], "1", "SI unit of the output")
-    return axes
+    outputs = problem.model.outputs
+    return {"test": axis("test", list(problem.tests)), **(_output_axis(outputs) if len(outputs) > 1 else {})}
 
 
 test_axes.__test__ = False  # type: ignore[attr-defined]  # not a pytest function
@@ -50,19 +47,14 @@ def output_signals(
     own = problem.model.outputs
     wanted = own if outputs is None else outputs
     title = " and ".join(title_of(channel.name, channel.description) for channel in wanted)
-    return signal_dataset(
+    unit, title, several = unit_of(wanted), f"{what} {title}".strip(), len(wanted) > 1
+    found = signal_dataset(
         {
-            m.name: Signal(
-                m.name,
-                m.time,
-                _arranged(ours, own, wanted),
-                unit_of(wanted),
-                f"{what} {title}".strip(),
-                len(wanted) > 1,
-            )
+            m.name: Signal(m.name, m.time, _arranged(ours, own, wanted), unit, title, several)
             for m, ours in zip(problem.measurements, values, strict=True)
         }
     )
+    return found.assign_coords(_output_axis(wanted)) if several else found
 
 
 def measured_signals(problem: Problem) -> xr.Dataset:
@@ -74,6 +66,14 @@ def measured_signals(problem: Problem) -> xr.Dataset:
         columns = [measurement.channel(c.name) if c.name in have else lacking for c in problem.model.outputs]
         values.append(np.stack(columns, axis=-1))
     return output_signals(problem, values)
+
+
+def _output_axis(outputs: Sequence[Channel]) -> dict[str, xr.Variable]:
+    """Names of several outputs, and their units beside them."""
+    return {
+        "output": axis("output", [channel.name for channel in outputs]),
+        "output_unit": quantity("output", [channel.unit for channel in outputs], "1", "SI unit of the output"),
+    }
 
 
 def unit_of(outputs: Sequence[Channel]) -> str:
