@@ -120,13 +120,13 @@ def test_gradient_of_the_cost_agrees_with_central_differences(scheme):
     scheduler = Scheduler(TYRE, DYNAMIC, jobs=1)
     at = [TYRE.parameters.index(name) for name in DYNAMIC]
     choice = [StepChoice.everywhere(StepLevel(scheme, 1), 1)]
-    gradient = scheduler.reduced([experiment], NOMINAL[None], choice, True)[0, 0, 1:4]
+    gradient = scheduler.reduced([experiment], NOMINAL[None], choice, True)[0, 0, 0, 1:4]
     for j, index in enumerate(at):
         ends = []
         for sign in (1, -1):
             p = NOMINAL.copy()
             p[index] *= 1 + sign * 1e-4
-            ends.append(scheduler.reduced([experiment], p[None], choice, False)[0, 0, 0])
+            ends.append(scheduler.reduced([experiment], p[None], choice, False)[0, 0, 0, 0])
         difference = (ends[0] - ends[1]) / (2e-4 * NOMINAL[index]) / 2
         assert gradient[j] == pytest.approx(
             difference, rel=1e-6, abs=1e-6 * np.max(np.abs(gradient * NOMINAL[at])) / NOMINAL[index]
