@@ -87,7 +87,7 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             numbers = ["–" if entry[key] is None else f"{entry[key]:.4g}" for key in keys]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
-    if any(" / " in name for name in summary["noise_floor"]):
+    if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
     if summary["search"]:
         console.print(_search_line(summary["search"]))
