@@ -162,8 +162,9 @@ class Simulator:
     def _reduced(self, p: ArrayLike, derivatives: bool) -> FloatArray:
         p = self._checked(p)
         sums = self._scheduler.reduced(self.experiments, p, self._choices(p), derivatives)
-        tests, outputs = np.array(objective_pairs(self.experiments), dtype=int).reshape(-1, 2).T
-        sums = sums[:, tests, outputs]
+        sets, tests, outputs, terms = sums.shape
+        places = [test * outputs + output for test, output in objective_pairs(self.experiments)]
+        sums = np.take(sums.reshape(sets, tests * outputs, terms), places, axis=1)  # in C order, as the sums were
         sums[~np.isfinite(sums[..., 0])] = np.nan
         return sums
 
