@@ -8,7 +8,7 @@ import pytest
 from two_outputs import NOISE, UNITS, campaign, weighted_least_squares, write_rig
 
 from mofit.cli import main
-from mofit.data import Campaign, Measurement, write_campaign
+from mofit.data import Campaign, Experiment, Measurement, write_campaign
 from mofit.errors import InputError
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.search_weights import search_weights
@@ -139,3 +139,66 @@ def test_a_diagnosis_finds_the_output_that_has_the_gap(tmp_path, capsys):
     assert tuple(found["nrmsd_before"]) == build_problem(find_model(reference), tests).objective_names
     assert {entry["output"] for entry in found["where"]["residuals"]} == {"acceleration"}
     assert {entry["test"] for entry in found["where"]["residuals"]} == {"0.5 Hz", "1 Hz", "4 Hz"}
+
+
+SHAKER = """
+from mofit.models import Channel, Equations, Model
+from mofit.parameters import Parameter
+
+
+class ShakenMass(Model):
+    name = "shaken_mass"
+    states = (Channel("x", "m"), Channel("v", "m/s"))
+    inputs = (Channel("force", "N"),)
+    outputs = (Channel("displacement", "m"), Channel("acceleration", "m/s^2"))
+    parameters = (
+        Parameter("m", "kg", 0.2, 5.0, 1.0, "log"),
+        Parameter("d", "N s/m", 0.2, 20.0, 2.0, "log"),
+        Parameter("k", "N/m", 20.0, 2e3, 200.0, "log"),
+    )
+
+    def equations(self, s):
+        rate = (s.force - s.d * s.v - s.k * s.x) / s.m
+        return Equations({"displacement": s.x, "acceleration": rate}, {"x": s.v, "v": rate})
+"""
+
+
+def shaken_mass(noise: dict[str, float]) -> Campaign:
+    """Steady responses of m, d, k = 1.3, 8, 300 to sines of a force; half of the tests lack the acceleration."""
+    rng, tests = np.random.default_rng(5), []
+    for number, frequency in enumerate((0.8, 1.6, 2.4, 3.6)):
+        time, w = np.arange(0, 4 + 8 / frequency, 0.01), 2 * np.pi * frequency
+        rotation = 10 * np.exp(1j * w * time)
+        moved = rotation / (300 - 1.3 * w**2 + 8j * w)
+        outputs = {"displacement": moved.imag, "acceleration": (-(w**2) * moved).imag}
+        kept = {
+            name: values + noise[name] * rng.normal(size=len(time))
+            for name, values in outputs.items()
+            if name == "displacement" or number % 2
+        }
+        # the model starts at rest: in 4 s that has died away
+        experiment = Experiment(
+            f"{frequency:g} Hz", "sine", time, {"force": rotation.imag}, {}, frequency, 10.0, transient=4.0
+        )
+        units = {"force": "N", "displacement": "m", "acceleration": "m/s^2"}
+        tests.append(Measurement(experiment, kept, {name: units[name] for name in ("force", *kept)}))
+    return Campaign("shaker", "simulated", {}, tuple(tests))
+
+
+def test_a_shaken_mass_has_the_linearised_posterior(tmp_path):
+    """Its displacement is known to 2 %, its acceleration to 0.1 % or so; the posterior is Fisher's at the truth."""
+    noise, truth = {"displacement": 1e-3, "acceleration": 5e-3}, np.array([[1.3, 8.0, 300.0]])
+    (tmp_path / "shaker.py").write_text(SHAKER)
+    model, tests = find_model(f"{tmp_path / 'shaker.py'}:ShakenMass"), shaken_mass(noise)
+    mode, *_ = find_modes(tests, model, Settings(jobs=1))
+    problem, precision = build_problem(model, tests), np.zeros((3, 3))
+    for experiment, (_, slopes) in zip(problem.experiments, problem.simulator.sensitivities(truth), strict=True):
+        for y in experiment.fitted:
+            own = slopes[0, experiment.weights[:, y] > 0, y] / [*noise.values()][y]
+            precision += own.T @ own
+    sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+    space = mode.sampled.space
+    draws = space.from_unit(mode.chains.thinned().points.reshape(-1, 3))
+    assert len(problem.objective_names) == 6
+    assert np.abs((draws.mean(axis=0) - truth[0]) / sd).max() < 3
+    assert np.abs(draws.std(axis=0) / sd - 1).max() < 0.25
