@@ -77,7 +77,7 @@ def trace(tree: xr.DataTree, test: str, mode: str = "m1", axes: Sequence[Axes] |
 def errors(tree: xr.DataTree, ax: Axes | None = None) -> Axes:
     """NRMSD of every posterior mode and the baseline per test, beside the noise floor."""
     run, ax = Run(tree), _axes(ax)
-    draw_errors(extract_errors(run), np.ones(len(run.tests), dtype=bool), False, ax)
+    draw_errors(extract_errors(run), np.ones(len(run.objectives), dtype=bool), False, ax)
     floor = band_key(FLOOR, "noise floor", 0.5)
     return _with_legend(ax, [*_modes(run), *baseline_key(run.baseline_title), floor])
 

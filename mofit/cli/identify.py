@@ -75,7 +75,7 @@ def identify(
     freq
         Use only the tests of this frequency in Hz; repeatable.
     weights
-        Weight of a test in the search, TEST=NUMBER; repeatable.
+        Weight of a test in the search, TEST=NUMBER; repeatable. Of several outputs "TEST / OUTPUT=NUMBER" names one.
     per_test
         Parameter that has a value of its own in every test (an offset, an initial state); repeatable.
     per

@@ -87,6 +87,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             numbers = ["–" if entry[key] is None else f"{entry[key]:.4g}" for key in keys]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
+    if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
+        console.print(_errors_of_outputs(summary))
     if summary["search"]:
         console.print(_search_line(summary["search"]))
     for warning in summary["warnings"][len(summary["findings"]) :]:
@@ -97,6 +99,17 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     elif not summary["converged"]:
         console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
+
+
+def _errors_of_outputs(summary: Mapping[str, Any]) -> Table:
+    """NRMSD of every test and output, of the best mode and of the noise; no name of a test holds a ``/``."""
+    best = summary["modes"][0]
+    table = _table("test", "output", "NRMSD", "noise", words=("output",), title=f"{best['id']}: NRMSD of every output")
+    for name, floor in summary["noise_floor"].items():
+        values = (best["nrmsd"][name], floor)
+        cells = ["–" if value is None else f"{100 * value:.3g} %" for value in values]
+        table.add_row(*name.split(" / ", 1), *cells)
+    return table
 
 
 def _search_line(search: Mapping[str, Any]) -> str:

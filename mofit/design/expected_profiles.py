@@ -72,9 +72,9 @@ class ExpectedData:
         index = [i for i, test in enumerate(source.main) if test.name in tests]
         own = [known.tests.main[i] for i in index]
         noise = Noise(
-            count=np.array([float(test.count) for test in own]),
-            floor=np.array([np.sqrt(test.noise_variance[0]) for test in own]),
-            independent=np.array([test.independent[0] for test in own]),
+            count=np.concatenate([test.count for test in own]),
+            floor=np.concatenate([np.sqrt(test.noise_variance[:, 0]) for test in own]),
+            independent=np.concatenate([test.independent[:, 0] for test in own]),
             gap=0.0,
         )
         simulator = self.simulator.select(index)
@@ -121,7 +121,7 @@ def expected_data(known: SourceInformation, jobs: int = 1) -> ExpectedData:
 def _exact(experiment: ExperimentData, outputs: Sequence[FloatArray]) -> ExperimentData:
     """A test with its simulated outputs at the samples used in the fit as measured ones."""
     measured = np.zeros_like(experiment.measured)
-    for i, own in enumerate(outputs):
+    for i, own in zip(experiment.fitted, outputs, strict=True):
         measured[experiment.weights[:, i] > 0, i] = own[0]
     return replace(experiment, measured=measured)
 

@@ -90,7 +90,7 @@ def information(
             estimator[place] = both[None, :, None]
             fisher[np.ix_([i], range(len(samples)), own, own)] = test.fisher * square
             if number == 0:
-                peaks[i] = [np.max(np.abs(outputs)) for outputs in test.outputs]
+                peaks[i, list(tests[i].data.fitted)] = [np.max(np.abs(outputs)) for outputs in test.outputs]
                 main += [test.first()] if keep else []
     return Information(estimator, fisher, peaks, tuple(main))
 
@@ -120,7 +120,7 @@ def candidate_information(
     more = np.empty(len(experiments))
     for number, (experiment, place) in enumerate(zip(experiments, places, strict=True)):
         data = tests[place].data
-        transient = data.samples - np.count_nonzero(data.weights[:, 0])
+        transient = data.samples - np.count_nonzero(np.any(data.weights, axis=1))
         more[number] = (len(experiment.time) - transient) / (data.samples - transient)
     return Information(
         estimator=more[:, None, None, None, None, None] * found.estimator[places],

@@ -33,7 +33,7 @@ _FEW = 256
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Outputs and sensitivities of one test at N parameter samples: ny outputs, n samples, p parameters."""
+    """Outputs and sensitivities of one test at N parameter samples: ny outputs that it has, n samples, p parameters."""
 
     test: str
     """Name of the test."""
@@ -67,47 +67,51 @@ class Sensitivity:
     @cached_property
     def hessian(self) -> FloatArray:
         """Gauss-Newton Hessian H of the weighted sum of squares that the identification minimises, (N, p, p)."""
-        sums = sum(
-            np.einsum("nki,nkj->nij", own, own) / width**2
-            for own, width in zip(self.jacobians, self.ranges, strict=True)
+        return np.sum(
+            [
+                weight[:, None, None] * (np.einsum("nki,nkj->nij", own, own) / width**2)
+                for own, width, weight in zip(self.jacobians, self.ranges, self.weight, strict=True)
+            ],
+            axis=0,
         )
-        return np.asarray(self.weight[:, None, None] * sums)
 
     @cached_property
     def score_covariance(self) -> FloatArray:
         """Covariance J of the gradient of half that sum, (N, p, p)."""
-        sums = sum(
-            np.stack([
-                np.sum([part.score_covariance(jacobian) for part in parts], axis=0)
-                for jacobian, parts in zip(own, noise, strict=True)
-            ]) / width**4
-            for own, noise, width in zip(self.jacobians, self.noise, self.ranges, strict=True)
+        return np.sum(
+            [
+                weight[:, None, None] ** 2 * (np.stack([
+                    np.sum([part.score_covariance(jacobian) for part in parts], axis=0)
+                    for jacobian, parts in zip(own, noise, strict=True)
+                ]) / width**4)
+                for own, noise, width, weight in zip(self.jacobians, self.noise, self.ranges, self.weight, strict=True)
+            ],
+            axis=0,
         )  # fmt: skip
-        return np.asarray(self.weight[:, None, None] ** 2 * sums)
 
     @property
-    def count(self) -> int:
-        """Number of samples used in the fit, of all outputs."""
-        return sum(own.shape[1] for own in self.outputs)
+    def count(self) -> FloatArray:
+        """Number of samples of every output used in the fit, (ny,)."""
+        return np.array([float(own.shape[1]) for own in self.outputs])
 
     @cached_property
     def noise_variance(self) -> FloatArray:
-        """Variance of the noise over the squared range, mean of the outputs, (N,)."""
+        """Variance of the noise of every output over its squared range, (ny, N)."""
         return np.array([
-            np.mean([mean_variance(combined(own)) / width**2 for own, width in zip(parts, self.ranges, strict=True)])
-            for parts in zip(*self.noise, strict=True)
+            [mean_variance(combined(parts)) / width**2 for parts in own]
+            for own, width in zip(self.noise, self.ranges, strict=True)
         ])  # fmt: skip
 
     @cached_property
     def independent(self) -> FloatArray:
-        """Expected number of independent samples, as the identification counts them, (N,)."""
-        whole = [[combined(own) for own in parts] for parts in zip(*self.noise, strict=True)]
-        return np.array([sum(independent_share(own) * own.count for own in parts) for parts in whole])
+        """Expected number of independent samples of every output, as the identification counts them, (ny, N)."""
+        whole = [[combined(parts) for parts in own] for own in self.noise]
+        return np.array([[independent_share(part) * part.count for part in own] for own in whole])
 
     @cached_property
     def weight(self) -> FloatArray:
-        r"""Weight of the test's squares, :math:`\nu / (n v)` as in `mofit.problem.Noise`, (N,)."""
-        return np.asarray(self.independent / (self.count * self.noise_variance))
+        r"""Weight of the squares of every output, :math:`\nu / (n v)` as in `mofit.problem.Noise`, (ny, N)."""
+        return np.asarray(self.independent / (self.count[:, None] * self.noise_variance))
 
     def first(self) -> Sensitivity:
         """The same at the first parameter sample only."""
@@ -161,17 +165,14 @@ def _portions(experiments: Sequence[ExperimentData], columns: int) -> Iterator[l
 def _sensitivity(
     experiment: ExperimentData, outputs: FloatArray, jacobians: FloatArray, noises: Sequence[NoiseModel]
 ) -> Sensitivity:
-    used = [experiment.weights[:, i] > 0 for i in range(outputs.shape[2])]
+    used = {i: experiment.weights[:, i] > 0 for i in experiment.fitted}
     return Sensitivity(
         test=experiment.name,
         step=experiment.step,
-        outputs=tuple(outputs[:, own, i] for i, own in enumerate(used)),
-        jacobians=tuple(jacobians[:, own, i] for i, own in enumerate(used)),
-        ranges=np.array([experiment.weights[own, i].max() ** -0.5 for i, own in enumerate(used)]),
-        noise=tuple(
-            tuple(noise(signal, own) for signal in outputs[:, :, i])
-            for i, (noise, own) in enumerate(zip(noises, used, strict=True))
-        ),
+        outputs=tuple(outputs[:, own, i] for i, own in used.items()),
+        jacobians=tuple(jacobians[:, own, i] for i, own in used.items()),
+        ranges=np.array([experiment.weights[own, i].max() ** -0.5 for i, own in used.items()]),
+        noise=tuple(tuple(noises[i](signal, own) for signal in outputs[:, :, i]) for i, own in used.items()),
     )
 
 

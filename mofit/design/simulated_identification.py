@@ -65,8 +65,8 @@ def _measured(
     found = []
     for test, outputs in zip(tests, simulator.simulate(values[None]), strict=True):
         channels = {}
-        for i, channel in enumerate(model.outputs):
-            used = test.data.weights[:, i] > 0
+        for i in test.data.fitted:
+            channel, used = model.outputs[i], test.data.weights[:, i] > 0
             noisy = outputs[0, :, i].copy()
             noisy[used] += draw_noise(test.noise[i](outputs[0, :, i], used), rng)
             # samples outside the fit get noise as well, so that the start looks like the rest

@@ -115,9 +115,9 @@ def measured_source(
         number = [group.stage for group in groups(model)].index(stage.stage)
         tests += _measured(stage.problem, number, [m.experiment for m in stage.problem.measurements], stage.minimum)
     noise = {
-        channel.name: channel_noise([_process(test, i) for test in main], [test.data.step for test in main])
+        channel.name: channel_noise([_process(test, i) for test in have], [test.data.step for test in have])
         for i, channel in enumerate(model.outputs)
-        if main
+        if (have := [test for test in main if i in test.data.fitted])
     }
     notes = [f"{name}: noise as estimated from its data."]
     if missing := ", ".join(parameter.name for parameter in space.parameters if parameter.name not in known):
@@ -156,6 +156,9 @@ def _measured(problem: Problem, number: int, experiments: Sequence[Experiment], 
         noises: list[NoiseModel] = []
         for i, channel in enumerate(problem.model.outputs):
             used = data.weights[:, i] > 0
+            if i not in data.fitted:  # not measured: no noise is asked for
+                noises.append(ChannelNoise(sd=0.0))
+                continue
             simulated = outputs[0, used, i]
             time = np.asarray(data.step * np.flatnonzero(used))
             if number == 0 and (record.period is None or record.periods < 2):

@@ -28,6 +28,7 @@ from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
+from mofit.simulation import objective_pairs
 from mofit.simulation.ranges import data_scales
 
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
@@ -115,7 +116,7 @@ def diagnose(
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=_nrmsd(found.baseline),
         nrmsd_after=_nrmsd(found.best.fitted),
-        noise_floor=dict(zip(observed.problem.tests, map(float, observed.problem.noise.floor), strict=True)),
+        noise_floor=dict(zip(observed.problem.objective_names, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
         warnings=(*notes, *_at_ends(found)),
         seconds=time.process_time() - began,
@@ -226,12 +227,13 @@ def _why_no_shrinkage(conclusion: Conclusion, found: Attribution) -> str:
 
 
 def _nrmsd(fitted: Fitted) -> dict[str, float]:
-    """NRMSD per test over the samples used, all outputs together."""
+    """NRMSD per test (and output, of several) over the samples used."""
     problem, outputs = fitted.hypothesis.observed.problem, fitted.hypothesis.outputs(fitted.minimum.point[None])
     found = {}
-    for name, experiment, (output, _) in zip(problem.tests, problem.experiments, outputs, strict=True):
-        squares = experiment.weights * (experiment.measured - output[0]) ** 2
-        found[name] = float(np.sqrt(squares.sum() / np.count_nonzero(experiment.weights)))
+    for name, (test, y) in zip(problem.objective_names, objective_pairs(problem.experiments), strict=True):
+        weights, measured = problem.experiments[test].weights[:, y], problem.experiments[test].measured[:, y]
+        squares = weights * (measured - outputs[test][0][0, :, y]) ** 2
+        found[name] = float(np.sqrt(squares.sum() / np.count_nonzero(weights)))
     return found
 
 

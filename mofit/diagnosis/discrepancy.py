@@ -15,7 +15,7 @@ from mofit.diagnosis.integration import SimulatorCache, clipped, with_enough_ste
 from mofit.identification.calibration import Calibration
 from mofit.models import Effect, incompatibility, with_effects
 from mofit.parameters import ParameterLayout, ParameterSpace
-from mofit.simulation import Simulator
+from mofit.simulation import Simulator, objective_pairs
 
 #: Runge–Kutta steps per sampling interval in the calibration tests, which are slow.
 _STEPS = 4
@@ -146,12 +146,11 @@ class CalibrationStages:
             here = layout.with_fixed(dict(zip(names, point, strict=True)))
             residuals, slopes = [], []
             outputs = at.sensitivities(here.full(np.zeros((1, 0))))
-            for experiment, weight, (output, slope) in zip(
-                stage.experiments, stage.noise.weights, outputs, strict=True
-            ):
-                scale = np.sqrt(weight * experiment.weights)
-                residuals.append((scale * (experiment.measured - output[0])).ravel())
-                slopes.append((scale[..., None] * slope[0]).reshape(-1, slope.shape[-1]))
+            for weight, (test, y) in zip(stage.noise.weights, objective_pairs(stage.experiments), strict=True):
+                experiment, (output, slope) = stage.experiments[test], outputs[test]
+                scale = np.sqrt(weight * experiment.weights[:, y])
+                residuals.append(scale * (experiment.measured[:, y] - output[0, :, y]))
+                slopes.append(scale[:, None] * slope[0, :, y])
             return np.concatenate(residuals), np.concatenate(slopes)
 
         point = np.array([start[name] for name in names])

@@ -200,10 +200,10 @@ def _noise(observed: WhitenedData, experiment: Experiment, output: FloatArray) -
 
     def difference(record: tuple[int, int, Whitening]) -> float:
         channel = observed.problem.model.outputs[record[1]].name
-        values = observed.problem.measurements[record[0]].outputs[channel]
+        values = observed.problem.measurements[record[0]].channel(channel)
         return abs(float(np.log(np.std(values) + 1e-300) - strength))
 
-    whitening = min((record for record in observed.records if record[1] == 0), key=difference)[2]
+    whitening = min((record for record in observed.records if record[1] == observed.first_output[0]), key=difference)[2]
     level = float(np.median(whitening.process.spectrum[: max(whitening.count // 8, 8)]))
     return level * whitening.step / experiment.step
 
@@ -216,15 +216,15 @@ def _responses(
     extended = with_effects(observed.problem.model, *model.effects)
     data = [_without_measurement(observed, extended, one) for one in experiments]
     _, simulator = observed.simulators.simulator(extended, data, model.space.names, _STEPS)
-    channel = observed.problem.model.outputs[0].name
-    peak = max(float(np.max(np.abs(m.outputs[channel]))) for m in observed.problem.measurements)
+    first, signals = observed.first_output
+    peak = max(float(np.max(np.abs(values))) for values in signals)
     found = []
     simulated = simulator.sensitivities(model.layout.full(fitted.minimum.point[None]))
     for experiment, (output, slopes) in zip(experiments, simulated, strict=True):
         used = experiment.time >= settings.settling / float(experiment.frequency or 1)
         with np.errstate(over="ignore", invalid="ignore"):
-            response, columns = output[0, used, 0], slopes[0, used, 0] * fitted.derivative
-        if not np.max(np.abs(output[0, :, 0])) < _DIVERGENCE * peak:
+            response, columns = output[0, used, first], slopes[0, used, first] * fitted.derivative
+        if not np.max(np.abs(output[0, :, first])) < _DIVERGENCE * peak:
             response, columns = np.full_like(response, np.nan), np.zeros_like(columns)
         found.append((response, columns))
     return found

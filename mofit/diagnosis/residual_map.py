@@ -76,7 +76,8 @@ class ResidualMap:
     """The gap of one fitted hypothesis, located.
 
     ``squares`` is the mean square of the gap per test (negative by chance where there is none), ``peaks`` the largest
-    deviation of the output from its mean.
+    deviation of the output from its mean. With several outputs all are relative to the range of each, and a test has
+    the sum of the squares and the smallest of the peaks.
     """
 
     unit: str
@@ -112,9 +113,10 @@ def residual_map(fitted: Fitted) -> ResidualMap:
     """Locate the residual of a fitted hypothesis."""
     left = Remainder.of(fitted)
     observed, tests = left.observed, left.observed.problem.tests
-    squares = (left.residual**2 - left.expected) * observed.variance
+    squares = (left.residual**2 - left.expected) * observed.told_variance
     used = map(observed.used_samples, range(len(observed.records)))
-    peaks = [float(np.max(np.abs(values - values.mean()))) for values in used]
+    sizes = zip(used, observed.sizes, strict=True)
+    peaks = [float(np.max(np.abs(values - values.mean())) / size) for values, size in sizes]
     explainable = max(float(squares[observed.explainable].clip(0).sum()), np.finfo(float).tiny)
     entries = []
     for i, (test, output, _) in enumerate(observed.records):
@@ -128,20 +130,23 @@ def residual_map(fitted: Fitted) -> ResidualMap:
                     output=observed.problem.model.outputs[output].name,
                     lines=name,
                     gap=float(np.sqrt(power)),
-                    noise=float(np.sqrt(observed.variance[here].sum())),
+                    noise=float(np.sqrt(observed.told_variance[here].sum())),
                     of_peak=float(np.sqrt(power)) / peaks[i],
                     share=power / explainable if name != "other" else 0.0,
                     p_value=left.power_test(name, here).p_value,
                 )
             )
     kept = np.where(observed.explainable, left.residual, 0.0)
-    gaps = [w.signal(kept[observed.record == i]) for i, (_, _, w) in enumerate(observed.records)]
+    gaps = [w.signal(kept[observed.record == i]) / observed.sizes[i] for i, (_, _, w) in enumerate(observed.records)]
     totals = [float(squares[observed.explainable & (observed.test == t)].sum()) for t in range(len(tests))]
+    of_test = [
+        [peak for (k, _, _), peak in zip(observed.records, peaks, strict=True) if k == t] for t in range(len(tests))
+    ]
     return ResidualMap(
-        observed.problem.model.outputs[0].unit,
+        observed.unit,
         tuple(entries),
         dict(zip(tests, totals, strict=True)),
-        {tests[test]: peak for (test, _, _), peak in zip(observed.records, peaks, strict=True)},
+        dict(zip(tests, map(min, of_test), strict=True)),
         _input_map(observed, gaps),
         tuple(_time_maps(observed, gaps)),
     )
@@ -151,9 +156,9 @@ def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
     """Mean gap per cell; its standard error from the noise on the same lines."""
     driver = first_input(observed.problem.model)
     columns = []
-    for (test, _, w), gap in zip(observed.records, gaps, strict=True):
+    for (test, _, w), size, gap in zip(observed.records, observed.sizes, gaps, strict=True):
         values = observed.problem.measurements[test].channel(driver)[w.start : w.start + w.count]
-        noise = np.full(w.count, np.mean(w.process.spectrum))
+        noise = np.full(w.count, np.mean(w.process.spectrum) / size**2)
         columns.append([values, np.gradient(values, w.step), np.ones(w.count), gap, noise])
     x, v, *weights = np.concatenate(columns, axis=1)
     ends = [np.quantile(part, (0.001, 0.999)) for part in (x, v)]
@@ -165,7 +170,7 @@ def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
 
 def _time_maps(observed: WhitenedData, gaps: Sequence[FloatArray]) -> list[TimeMap]:
     maps = []
-    for (test, _, w), gap in zip(observed.records, gaps, strict=True):
+    for (test, _, w), size, gap in zip(observed.records, observed.sizes, gaps, strict=True):
         measurement = observed.problem.measurements[test]
         intervals = min(_INTERVALS, max(len(gap) // 8, 1))
         cuts = np.array_split(np.arange(len(gap)), intervals)
@@ -175,7 +180,7 @@ def _time_maps(observed: WhitenedData, gaps: Sequence[FloatArray]) -> list[TimeM
                 measurement.experiment.start_time,
                 np.array([(w.start + cut.mean()) * w.step for cut in cuts]),
                 np.array([np.sqrt(np.mean(gap[cut] ** 2)) for cut in cuts]),
-                float(np.sqrt(np.mean(w.process.spectrum))),
+                float(np.sqrt(np.mean(w.process.spectrum)) / size),
             )
         )
     return maps

@@ -153,8 +153,8 @@ class Remainder:
         return float(fisher.sf(total / count, count, behind))
 
     def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
-        """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²."""
-        power = where * (self.residual**2 - expected) * self.observed.variance
+        """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²; see `sizes`."""
+        power = where * (self.residual**2 - expected) * self.observed.told_variance
         return np.asarray(np.bincount(self.observed.test, power, len(self.observed.problem.tests)), dtype=np.float64)
 
 

@@ -28,7 +28,7 @@ class WhitenedData:
     problem
         The model without effects, and the tests.
     records
-        One per test and output, in the order of the rows: index of the test, index of the output, whitening.
+        One per test and output measured in it, in the order of the rows: indices of test and output, whitening.
     measured, record, line, spectral_class
         Of every row: value, index into ``records``, line of its spectrum, index into `SPECTRAL_CLASSES`; (m,).
     phase
@@ -88,6 +88,29 @@ class WhitenedData:
         """Peak to peak of the measured samples used of every record, in the output's unit; (records,)."""
         return np.array([np.ptp(self.used_samples(i)) for i in range(len(self.records))])
 
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """What gaps are told in, per record: 1 in the output's unit, or its range where outputs differ; (records,)."""
+        return self.ranges if len(self.problem.model.outputs) > 1 else np.ones(len(self.records))
+
+    @property
+    def unit(self) -> str:
+        """Unit of what is told in `sizes`."""
+        outputs = self.problem.model.outputs
+        return "1" if len(outputs) > 1 else outputs[0].unit
+
+    @property
+    def first_output(self) -> tuple[int, list[FloatArray]]:
+        """The first output that some test has, by index, and the whole measured signals of it, (samples,) each."""
+        first = min(output for _, output, _ in self.records)
+        name = self.problem.model.outputs[first].name
+        return first, [self.problem.measurements[k].channel(name) for k, output, _ in self.records if output == first]
+
+    @cached_property
+    def told_variance(self) -> FloatArray:
+        """`variance` in squared `sizes`, (m,)."""
+        return np.asarray(self.variance / self.sizes[self.record] ** 2)
+
     def used_samples(self, record: int) -> FloatArray:
         """Measured output of a record over the samples used, (n,)."""
         test, output, w = self.records[record]
@@ -137,7 +160,8 @@ def whiten(
         zip(problem.measurements, problem.signals, problem.experiments, strict=True)
     ):
         orders = rotational_orders(measurement)
-        for output, channel in enumerate(problem.model.outputs):
+        for output in experiment.fitted:
+            channel = problem.model.outputs[output]
             values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
             w = whitening(values, used, experiment.step, analysis, analysis.noise_sd[channel.name])
             excitation = measurement.channel(driver)[w.start : w.start + w.count]

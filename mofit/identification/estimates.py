@@ -25,7 +25,7 @@ def estimates(problem: Problem, minima: Sequence[tuple[Minimum, AdjustedPosterio
                     one.name: {"value": float(value), "sd": float(own), "unit": one.unit}
                     for one, value, own in zip(space.parameters, values, sd, strict=True)
                 },
-                "nrmsd": dict(zip(problem.tests, map(float, nrmsd), strict=True)),
+                "nrmsd": dict(zip(problem.objective_names, map(float, nrmsd), strict=True)),
             }
         )
     return {"schema": "mofit.estimates/1", "spread": "Laplace approximation, not sampled", "modes": modes}

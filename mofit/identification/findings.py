@@ -15,6 +15,7 @@ from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.problem import Problem
+from mofit.simulation import objective_pairs
 
 Level = Literal["caution", "untrusted"]
 """``caution``: read it before the numbers. ``untrusted``: numbers of other parameters depend on it (exit code 3)."""
@@ -37,17 +38,21 @@ class Finding:
 
 
 def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
-    """How well the model fits beside the noise, if badly; from the NRMSD of every test.
+    """How well the model fits beside the noise, if badly; from the NRMSD of every objective.
 
-    The noise of a test is no larger than its residual, whatever was estimated from a record without repeats.
+    The noise of a test is no larger than its residual, whatever was estimated from a record without repeats. Of several
+    outputs the one that fits worst beside its noise decides.
     """
-    noise = problem.noise
+    noise, names = problem.noise, problem.objective_names
     floor = np.maximum(np.minimum(noise.floor, nrmsd), NEGLIGIBLE)
-    ratio, worst = float(np.sqrt(np.mean(nrmsd**2) / np.mean(floor**2))), int(np.argmax(nrmsd / floor))
+    output = np.array([output for _, output in objective_pairs(problem.experiments)])
+    squares = [(nrmsd[output == one], floor[output == one]) for one in np.unique(output)]
+    fits = [(float(np.sqrt(np.mean(own**2) / np.mean(noisy**2))), own) for own, noisy in squares]
+    (ratio, least_fit), worst = max(fits, key=lambda fit: fit[0]), int(np.argmax(nrmsd / floor))
     advice = "The parameters are those of a compromise; mofit diagnose says what the model lacks."
     if ratio >= GAP:
-        size = 100 * np.sqrt(np.mean(nrmsd**2))
-        where = f", most in {problem.tests[worst]}" if len(problem.tests) > 1 else ""
+        size = 100 * np.sqrt(np.mean(least_fit**2))
+        where = f", most in {names[worst]}" if len(names) > 1 else ""
         text = (
             f"The model does not fit: its residual is {ratio:.2g} times the noise ({size:.2g} % of the range{where})."
         )
@@ -55,7 +60,7 @@ def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
     share = np.where(nrmsd > NEGLIGIBLE, noise.independent / noise.count, 1.0)
     least = int(np.argmin(share))
     if share[least] < WHITE:
-        text = f"The residual of {problem.tests[least]} is not white: {noise.independent[least]:.0f} of "
+        text = f"The residual of {names[least]} is not white: {noise.independent[least]:.0f} of "
         text += f"{noise.count[least]:.0f} samples are independent. Either the noise is coloured, or the model lacks"
         return [Finding("misfit", "caution", f"{text} something: mofit diagnose tells.")]
     return []

@@ -15,6 +15,7 @@ from mofit.identification.settings import Settings, free_space
 from mofit.models import Model, find_model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+from mofit.simulation import measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
 
@@ -33,7 +34,7 @@ class ProblemSetup:
     """Free parameters with a value per test or condition."""
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
-    """A sentence per stage that had no tests."""
+    """A sentence per stage that had no tests, and per output that no test has."""
 
     @cached_property
     def searched(self) -> Problem:
@@ -93,6 +94,7 @@ def set_up_problem(
     space, own = space or shared, _wide(own, settings)
     _refuse_calibrated(model, own)
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
+    warnings = [*warnings, *_unmeasured(model, selected)]
     return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings))
 
 
@@ -110,6 +112,16 @@ def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:
             Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
             for name in sorted(names)
         )
+
+
+def _unmeasured(model: Model, campaign: Campaign) -> list[str]:
+    """A sentence per output of the model that no test has."""
+    seen = {name for measurement in campaign.measurements for name in measured_outputs(model, measurement)}
+    return [
+        f"No test has the channel {channel.name}: this output of the model is compared with nothing."
+        for channel in model.outputs
+        if channel.name not in seen
+    ]
 
 
 def choose_tests(model: Model, campaign: Campaign, tests: Sequence[str] = ()) -> tuple[str, ...]:

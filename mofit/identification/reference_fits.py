@@ -18,6 +18,7 @@ from mofit.identification.stages import fit, refined, starts_of
 from mofit.models import Model, find_model
 from mofit.problem import adjusted_posterior
 from mofit.runtime.progress import StageTimer
+from mofit.simulation import measured_outputs
 
 #: Best starts of a test that are refined on it alone; three minima are shown.
 STARTS_ALONE = 8
@@ -37,11 +38,14 @@ def fit_references(
     """
     timer = StageTimer()
     with timer.measure("per_frequency"):
-        groups = {"/per_frequency": per_frequency(located.searched.space, _each_alone(located))}
+        groups = {"/per_frequency": per_frequency(located.searched, _each_alone(located))}
     if model.baseline is not None:
         with timer.measure("baseline"):
-            tests, done = located.searched.tests, located.calibrations
-            groups |= baseline_groups(_baseline(find_model(model.baseline), campaign, tests, done, settings))
+            main, reference = located.searched, find_model(model.baseline)
+            tests = [m.name for m in main.measurements if measured_outputs(reference, m)]
+            if tests:
+                fitted = _baseline(reference, campaign, tests, located.calibrations, settings)
+                groups |= baseline_groups(fitted, main)
     return groups, timer.seconds
 
 

@@ -27,7 +27,7 @@ class Settings:
     search
         Name of the global search (`mofit.identification.search_registry`).
     weights
-        Weight of a test's NRMSD in the search; 1 where not named.
+        Weight of a test's NRMSD in the search; 1 where not named. Of several outputs ``test / output`` names one.
     evaluations
         Budget of the global search; the search's own where it is None.
     seed

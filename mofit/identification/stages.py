@@ -14,11 +14,13 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.errors import InputError
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_registry import find_search, search_settings
+from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
+from mofit.identification.settled_noise import with_settled_noise
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_setup
@@ -107,19 +109,14 @@ def find_modes(
 def search(
     problem: Problem, settings: Settings, progress: SearchProgress | None = None
 ) -> tuple[SearchResult, FloatArray]:
-    """Search the box of the free parameters, all tests at once; also the weight of every test, shape (tests,).
+    """Search the box of the free parameters, all tests at once; also the weight of every objective, (objectives,).
 
     Raises
     ------
     InputError
         If there is no search or no test of a name in the settings, or if every start fails.
     """
-    raise_errors(
-        Issue("--weights", f"no test '{name}'", did_you_mean(name, problem.tests))
-        for name in settings.weights
-        if name not in problem.tests
-    )
-    weights = np.array([settings.weights.get(name, 1.0) for name in problem.tests])
+    weights = search_weights(problem, settings.weights)
     run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
     with explained(problem):
         budget = search_settings(settings.search, _evaluations(problem, settings))
@@ -148,7 +145,7 @@ def fit(setup: ProblemSetup) -> LocalFit:
 
 
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
-    """The minima that the search archived, its best point of each test alone, and the stage that found each."""
+    """The minima that the search archived, its best point of each objective, and the stage that found each."""
     best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
     stages = dict.fromkeys(best, "")
     if found.found_by:
@@ -166,7 +163,7 @@ def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tup
     first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    counted = problem.with_noise_at(first[0].point)
+    counted = with_settled_noise(problem, first[0].point)
     again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
     merged = merge(again, values=lambda u: -counted.log_posterior(u))
     return counted, _with_stage(merged, [minimum.found_by for minimum in first])

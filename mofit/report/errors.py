@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mofit._typing import FloatArray
-from mofit.report.run import Run, numbers
+from mofit.report.run import Run
 from mofit.report.toolkit.axes import axis_of_frequencies, axis_of_tests, log_if_wide
 from mofit.report.toolkit.blocks import Column, Figure, Section, Table, swatch, words
 from mofit.report.toolkit.figures import BASELINE, FLOOR, Panels, band_key, line_key, mode_colour
@@ -17,7 +17,7 @@ from mofit.report.toolkit.formatting import compact, display_unit, number, perce
 
 @dataclass(frozen=True)
 class Errors:
-    """NRMSD (fractions of the output's range) per test; NaN where a test was not predicted."""
+    """NRMSD (fractions of the output's range) per test (and output, of several); NaN where it was not predicted."""
 
     tests: list[str]
     frequency: FloatArray
@@ -30,10 +30,10 @@ class Errors:
 def extract_errors(run: Run) -> Errors:
     """NRMSD of every mode, the baseline and the noise, in the order of the tests."""
     return Errors(
-        tests=run.tests,
-        frequency=run.of_tests("frequency"),
-        noise_floor=run.of_tests("noise_floor"),
-        models={mode.name: numbers(mode.node, "nrmsd") for mode in run.modes},
+        tests=run.objective_names,
+        frequency=run.of_objectives("frequency"),
+        noise_floor=run.of_objectives("noise_floor"),
+        models={mode.name: run.of_objectives("nrmsd", mode.node) for mode in run.modes},
         baseline_title=run.baseline_title,
         baseline=run.baseline_nrmsd,
     )
@@ -68,21 +68,32 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
 def errors_section(run: Run) -> Section:
     """Figure and table of the errors."""
     errors = extract_errors(run)
-    return Section("errors", "Error per test", [_figure(errors), _table(run, errors)], {"errors": errors})
+    return Section("errors", "Error per test", [_figure(run, errors), _table(run, errors)], {"errors": errors})
 
 
-def _figure(errors: Errors) -> Figure:
-    periodic = np.isfinite(errors.frequency)
-    distinct = len(set(errors.frequency[periodic])) == periodic.sum() > 1
-    groups = [(periodic, True), (~periodic, False)] if distinct else [(np.ones_like(periodic), False)]
-    groups = [group for group in groups if group[0].any()]
+def _groups(run: Run, errors: Errors) -> list[tuple[str, np.ndarray, bool]]:
+    """What a panel shows: output (of several), which tests, and whether over frequency."""
+    output = np.array([one.name_of_output for one in run.objectives])
+    groups = []
+    for name in dict.fromkeys(output.tolist()):
+        own, periodic = output == name, np.isfinite(errors.frequency)
+        frequencies = errors.frequency[own & periodic]
+        distinct = len(set(frequencies)) == frequencies.size > 1
+        groups += [(name, own & periodic, True), (name, own & ~periodic, False)] if distinct else [(name, own, False)]
+    return [group for group in groups if group[1].any()]
+
+
+def _figure(run: Run, errors: Errors) -> Figure:
+    groups = _groups(run, errors)
     legend = [line_key(mode_colour(k), f"model, {name}", marker="o") for k, name in enumerate(errors.models)]
     if errors.baseline_title:
         legend.append(line_key(BASELINE, errors.baseline_title, marker="s", ls="--"))
     legend.append(band_key(FLOOR, "noise floor", 0.5))
     panels = Panels(len(groups), len(groups), 2.7, legend=legend, margin=(0.65, 0.75, 0.15))
-    for (chosen, over_frequency), axes in zip(groups, panels.axes, strict=True):
+    for (output, chosen, over_frequency), axes in zip(groups, panels.axes, strict=True):
         draw_errors(errors, chosen, over_frequency, axes)
+        if output:
+            axes.set_title(output.replace("_", " "))
     return panels.figure(
         "NRMSD of the model, the baseline and the noise per test",
         "Root mean square of measured − simulated, divided by the measured peak-to-peak range, per test. The shaded "
@@ -100,12 +111,14 @@ def _table(run: Run, errors: Errors) -> Table:
     ]
     if errors.baseline_title:
         models.insert(0, (errors.baseline_title, errors.baseline))
-    periods = [compact(n, 4) if n > 0 else "–" for n in run.of_tests("periods")]
+    periods = [compact(n, 4) if n > 0 else "–" for n in run.of_objectives("periods")]
+    tests = [one.name_of_test for one in run.objectives]
+    amplitudes = zip(tests, run.of_objectives("amplitude"), strict=True)
     columns = [
         Column("Test", errors.tests),
-        words("Excitation", [kind.replace("_", " ") for kind in run.excitations]),
+        words("Excitation", [run.excitations[one.test].replace("_", " ") for one in run.objectives]),
         Column("Frequency (Hz)", [compact(hertz, 4) for hertz in errors.frequency]),
-        Column("Amplitude", [_amplitude(run, *row) for row in zip(run.tests, run.of_tests("amplitude"), strict=True)]),
+        Column("Amplitude", [_amplitude(run, *row) for row in amplitudes]),
         Column("Periods", periods),
         Column("Noise floor", [percent(floor) for floor in errors.noise_floor]),
         *(Column(head, [percent(value) for value in nrmsd]) for head, nrmsd in models),

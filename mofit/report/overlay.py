@@ -12,6 +12,7 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.report.run import Mode, Run, numbers
 from mofit.report.toolkit.formatting import Unit, display_unit
+from mofit.results import Objective
 
 BROADBAND = ("multisine", "chirp", "free")
 LOOPS = ("sine", "quasi_static")
@@ -29,9 +30,10 @@ _FULL = 0.95
 
 @dataclass(frozen=True)
 class Overlay:
-    """One test: the samples used in the fit, measured and simulated, SI units; empty arrays where a run has none.
+    """An output of a test: the samples used in the fit, measured and simulated, SI units; empty where a run has none.
 
-    `draws` is the output at posterior draws, shape (draws, samples).
+    `test` is the name of the test, or ``test / output`` where there are several outputs. `draws` is the output at
+    posterior draws, shape (draws, samples).
     """
 
     test: str
@@ -116,41 +118,59 @@ def _last_full(signal: FloatArray, period: int) -> int:
 
 
 def extract_overlays(run: Run, mode: Mode) -> list[Overlay]:
-    """Every test that the mode predicts, without the samples that the fit left out."""
+    """Every test (and output, of several) that the mode predicts, without the samples that the fit left out."""
     if "prediction" not in mode.node.children:
         return []
     predicted = mode.node["prediction"].data_vars
-    return [_overlay(run, mode, k, test) for k, test in enumerate(run.tests) if test in predicted]
+    return [_overlay(run, mode, k, one) for k, one in enumerate(run.objectives) if one.name_of_test in predicted]
 
 
-def _overlay(run: Run, mode: Mode, index: int, test: str) -> Overlay:
-    observed = run.tree["observed_data"].dataset[test]
-    name = str(observed.attrs["long_name"]).replace("_", " ")
+def by_output(overlays: Sequence[Overlay]) -> dict[str, list[Overlay]]:
+    """The overlays of every output by its name; that of an only output is empty. No test's name holds a ``/``."""
+    found: dict[str, list[Overlay]] = {}
+    for overlay in overlays:
+        found.setdefault(overlay.test.partition(" / ")[2], []).append(overlay)
+    return found
+
+
+def headed(title: str, output: str) -> str:
+    """The title of a figure, with the output where there are several."""
+    return f"{title}: {output.replace('_', ' ')}" if output else title
+
+
+def _overlay(run: Run, mode: Mode, index: int, one: Objective) -> Overlay:
+    test, observed = one.name_of_test, run.tree["observed_data"].dataset[one.name_of_test]
+    name = (one.name_of_output or str(observed.attrs["long_name"])).replace("_", " ")
+    unit = observed.attrs["units"] if one.output is None else run.tree.dataset["output_unit"].values[one.output]
     source = run.input_of(test)
     constant = run.tree.children["constant_data"]
     weighted = f"{test}_weight" in constant.data_vars
-    used = numbers(constant, f"{test}_weight") > 0 if weighted else np.ones(observed.size, dtype=bool)
+    used = numbers(constant, f"{test}_weight") > 0 if weighted else np.ones(len(observed), dtype=bool)
 
     def predicted(node: xr.DataTree | None, group: str = "prediction") -> FloatArray:
         """Simulated output of a group, shape (..., samples used); empty where the group or the test is missing."""
         child = None if node is None else node.children.get(group)
-        return np.empty(0) if child is None or test not in child.data_vars else numbers(child, test)[..., used]
+        if child is None or test not in child.data_vars:
+            return np.empty(0)
+        values = numbers(child, test)
+        return (values if one.output is None else values[..., one.output])[..., used]
 
+    measured = np.asarray(observed.values if one.output is None else observed.values[:, one.output], dtype=float)
     draws = predicted(mode.node, "posterior_predictive")
     return Overlay(
-        test=test,
-        excitation=run.excitations[index],
-        frequency=float(run.of_tests("frequency")[index]),
-        period=float(run.of_tests("period")[index]),
+        test=one.name,
+        excitation=run.excitations[one.test],
+        frequency=float(run.of_tests("frequency")[one.test]),
+        period=float(run.of_tests("period")[one.test]),
         input_name="" if source is None else str(source.name).removeprefix(f"{test}_").replace("_", " "),
         input_unit="1" if source is None else str(source.attrs["units"]),
         output_name="output" if test in name or len(name) > 20 else name,
-        output_unit=str(observed.attrs["units"]),
-        noise_sd=float(run.of_tests("noise_sd")[index]),
-        noise_floor=float(run.of_tests("noise_floor")[index]),
+        output_unit=str(unit),
+        noise_sd=float(run.of_objectives("noise_sd")[index]),
+        noise_floor=float(run.of_objectives("noise_floor")[index]),
         time=np.asarray(observed[f"time_{test}"].values, dtype=float)[used],
         input=np.empty(0) if source is None else np.asarray(source.values, dtype=float)[used],
-        measured=np.asarray(observed.values, dtype=float)[used],
+        measured=measured[used],
         simulated=predicted(mode.node),
         baseline=predicted(run.group("baseline")),
         draws=draws.reshape(-1, draws.shape[-1]) if draws.size else np.empty((0, 0)),
@@ -158,5 +178,5 @@ def _overlay(run: Run, mode: Mode, index: int, test: str) -> Overlay:
 
 
 def output_unit(overlays: Sequence[Overlay]) -> Unit:
-    """One display unit for the outputs of all tests."""
+    """One display unit for an output of all tests."""
     return display_unit(overlays[0].output_unit, np.concatenate([overlay.measured for overlay in overlays]))

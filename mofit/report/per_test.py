@@ -27,7 +27,8 @@ _NOTABLE = 0.005
 class PerTest:
     """Minima of single tests, shape (test, minimum, parameter), SI units, and the best mode's joint estimate.
 
-    `joint` are value, 5 and 95 % quantile, shape (parameter, 3).
+    `nrmsd` has shape (test, minimum), of several outputs (test, minimum, output). `joint` are value, 5 and 95 %
+    quantile, shape (parameter, 3).
     """
 
     tests: list[str]
@@ -77,7 +78,7 @@ def extract_leverage(run: Run) -> Leverage | None:
     best = run.best
     if "leverage" not in best.node.data_vars:
         return None
-    return Leverage(labels(best.node, "test"), best.parameters, numbers(best.node, "leverage"))
+    return Leverage(run.objective_names, best.parameters, run.of_objectives("leverage", best.node))
 
 
 def _draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
@@ -162,7 +163,16 @@ def per_test_section(run: Run) -> Section | None:
 
 
 def _table(run: Run, found: PerTest) -> Table:
-    rows = [(t, m) for t, m in np.ndindex(*found.nrmsd.shape) if np.isfinite(found.value[t, m]).any()]
+    rows = [(t, m) for t, m in np.ndindex(*found.nrmsd.shape[:2]) if np.isfinite(found.value[t, m]).any()]
+
+    errors = (
+        {"NRMSD": found.nrmsd}
+        if found.nrmsd.ndim == 2
+        else {
+            f"NRMSD of {name.replace('_', ' ')}": found.nrmsd[..., k]
+            for k, name in enumerate(labels(run.tree, "output"))
+        }
+    )
 
     def once(cells: Sequence[str]) -> list[str]:
         return [cells[t] if m == 0 else "" for t, m in rows]
@@ -178,7 +188,7 @@ def _table(run: Run, found: PerTest) -> Table:
                 )
                 for k, name in enumerate(found.parameters)
             ),
-            Column("NRMSD", [percent(float(found.nrmsd[t, m])) for t, m in rows]),
+            *(Column(head, [percent(float(nrmsd[t, m])) for t, m in rows]) for head, nrmsd in errors.items()),
         ],
         "Local minima of each test identified separately, best first (Table 4 of the paper).",
     )

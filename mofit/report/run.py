@@ -14,7 +14,7 @@ from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.report.toolkit.figures import mode_colour
 from mofit.report.toolkit.formatting import percent
-from mofit.results import findings, parameter_layout
+from mofit.results import Objective, findings, objectives, parameter_layout, per_objective
 
 SHOWN = 4
 """Modes that get figures of their own; tables list all."""
@@ -137,6 +137,31 @@ class Run:
         return numbers(self.tree, name)
 
     @cached_property
+    def objectives(self) -> list[Objective]:
+        """The tests, or of several outputs the pairs of a test and an output measured in it."""
+        return objectives(self.tree)
+
+    @property
+    def objective_names(self) -> list[str]:
+        """Names of the objectives."""
+        return [one.name for one in self.objectives]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of the outputs where there are several."""
+        return list(dict.fromkeys(one.name_of_output for one in self.objectives if one.name_of_output))
+
+    def of_objectives(self, name: str, node: xr.DataTree | None = None) -> FloatArray:
+        """A numeric variable per objective, shape (objectives, ...); of the root, or of another group.
+
+        What the group has per test only is repeated for the outputs of each.
+        """
+        values = (self.tree if node is None else node).dataset[name]
+        if self.outputs and "output" not in values.dims:
+            return np.asarray(values.values, dtype=float)[[one.test for one in self.objectives]]
+        return per_objective(self.tree, values)
+
+    @cached_property
     def excitations(self) -> list[str]:
         """Type of excitation per test."""
         return labels(self.tree, "excitation")
@@ -187,9 +212,9 @@ class Run:
 
     @cached_property
     def baseline_nrmsd(self) -> FloatArray:
-        """NRMSD of the baseline per test; NaN where the run has none."""
+        """NRMSD of the baseline per objective; NaN where the run has none."""
         node = self.group("baseline")
-        return np.full(len(self.tests), np.nan) if node is None else numbers(node, "nrmsd")
+        return np.full(len(self.objectives), np.nan) if node is None else self.of_objectives("nrmsd", node)
 
     @property
     def converged(self) -> bool:

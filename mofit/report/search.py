@@ -59,7 +59,7 @@ def extract_front(run: Run) -> Front | None:
     place = space.to_unit(numbers(node, "parameters"))
 
     def of_objectives(values: FloatArray) -> FloatArray:
-        known = dict(zip(run.tests, values, strict=True))
+        known = dict(zip(run.objective_names, values, strict=True))
         return np.array([known.get(objective, np.nan) for objective in objectives])
 
     return Front(
@@ -68,8 +68,8 @@ def extract_front(run: Run) -> Front | None:
         moved=moved(place),
         nrmsd=numbers(node, "nrmsd"),
         place=place,
-        noise_floor=of_objectives(run.of_tests("noise_floor")),
-        mode_nrmsd={mode.name: of_objectives(numbers(mode.node, "nrmsd")) for mode in same},
+        noise_floor=of_objectives(run.of_objectives("noise_floor")),
+        mode_nrmsd={mode.name: of_objectives(run.of_objectives("nrmsd", mode.node)) for mode in same},
         mode_place={mode.name: space.to_unit(mode.array("value")) for mode in same},
     )
 

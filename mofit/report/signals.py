@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from mofit._typing import FloatArray
-from mofit.report.overlay import BROADBAND, Overlay, extract_overlays, output_unit
+from mofit.report.overlay import BROADBAND, Overlay, by_output, extract_overlays, headed, output_unit
 from mofit.report.run import SHOWN, Run
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text
@@ -136,8 +136,8 @@ def _draw_spectrum(spectrum: Spectrum, unit: Unit, axes: Axes) -> Axes:
     return axes
 
 
-def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str) -> Figure:
-    """A panel per test; `loops` holds the tests of each mode, best first."""
+def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str) -> Figure:
+    """A panel per test; `loops` holds the tests of each mode, best first. `output` is its name, of several."""
     modes = list(loops.values())
     legend = [dot_key(MEASURED, "measured", marker=".")]
     legend += [line_key(mode_colour(k), f"model, {name}") for k, name in enumerate(loops)]
@@ -147,7 +147,7 @@ def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: 
         draw_loop([overlays[k] for overlays in modes], unit, axes)
     panels.label(y=unit.label(modes[0][0].output_name))
     return panels.figure(
-        "Hysteresis loops, measured and simulated, per test",
+        headed("Hysteresis loops, measured and simulated, per test", output),
         "Output over input in the last full period of each test. The area of the loop is the energy lost per cycle, "
         "its slope the dynamic stiffness.",
         good="the model's line runs through the middle of the measured points all the way round.",
@@ -155,7 +155,7 @@ def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: 
     )
 
 
-def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str) -> Figure:
+def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str, output: str) -> Figure:
     """A panel with its residual per test."""
     small = display_unit(traces[0].output_unit, np.concatenate([t.measured - t.simulated for t in traces]))
     legend = [line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(mode_colour(0), f"model, {mode}")]
@@ -167,7 +167,7 @@ def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: s
         draw_trace(overlay, unit, small, axes, below)
     panels.label("time (s)", unit.name, small.name)
     return panels.figure(
-        "Measured and simulated output over time with the residual, per test",
+        headed("Measured and simulated output over time with the residual, per test", output),
         f"Output ({traces[0].output_name}, {unit.name}) over time of mode {mode}: the last two full periods of "
         f"periodic tests, the last samples of broadband ones. Below: measured − simulated ({small.name}).",
         good="the residual is shapeless and stays inside the noise band.",
@@ -175,7 +175,7 @@ def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: s
     )
 
 
-def _spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode: str) -> Figure:
+def _spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode: str, output: str) -> Figure:
     """A panel per broadband test."""
     legend = [dot_key(MEASURED, "measured", marker="."), dot_key(mode_colour(0), f"residual of {mode}", marker=".")]
     if baseline:
@@ -185,7 +185,7 @@ def _spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode
         _draw_spectrum(spectrum, unit, axes)
     panels.label("frequency (Hz)", unit.label("amplitude"))
     return panels.figure(
-        "Amplitude spectra of output and residual per broadband test",
+        headed("Amplitude spectra of output and residual per broadband test", output),
         "Amplitude spectrum of the output and of the residual.",
         good="the residual equals the noise level at all frequencies.",
         bad="peaks above the noise level: near a resonance the frequency or damping is wrong, between the excited "
@@ -201,13 +201,17 @@ def signals_section(run: Run) -> Section | None:
         return None
     best = by_mode[name]
     baseline = run.baseline_title if any(overlay.baseline.size for overlay in best) else ""
-    unit = output_unit(best)
     loops = {key: [o.last(1) for o in overlays if o.loops] for key, overlays in by_mode.items()}
     traces, spectra = [o.last(2) for o in best], extract_spectra([o for o in best if o.excitation in BROADBAND])
-    blocks: list[Block] = [_loops_figure(loops, unit, baseline)] if loops[name] else []
-    blocks.append(_traces_figure(traces, unit, baseline, name))
-    if spectra:
-        blocks.append(_spectra_figure(spectra, unit, baseline, name))
+    blocks: list[Block] = []
+    for output, whole in by_output(best).items():
+        unit, tests = output_unit(whole), {o.test for o in whole}
+        of_output = {key: [o for o in found if o.test in tests] for key, found in loops.items()}
+        if of_output[name]:
+            blocks.append(_loops_figure(of_output, unit, baseline, output))
+        blocks.append(_traces_figure([o for o in traces if o.test in tests], unit, baseline, name, output))
+        if own := [spectrum for spectrum in spectra if spectrum.test in tests]:
+            blocks.append(_spectra_figure(own, unit, baseline, name, output))
     if len(run.modes) > SHOWN:
         blocks.append(Text(f"The figures show the {SHOWN} best modes; the tables list all {len(run.modes)}."))
     data = {

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mofit._typing import FloatArray
-from mofit.report.run import PLAUSIBLE, Run, numbers
+from mofit.report.run import PLAUSIBLE, Run
 from mofit.report.toolkit.blocks import Block, Raw, Section, Text, banner, bullets, cards
 from mofit.report.toolkit.formatting import count, listed, number, percent, plus_minus, symbol, unit_text, whole_percent
 from mofit.results import green
@@ -46,7 +46,7 @@ class Headline:
 def extract_headline(run: Run) -> Headline:
     """Reduce the run to a few figures."""
     best = run.best
-    nrmsd, floor = numbers(best.node, "nrmsd"), run.of_tests("noise_floor")
+    nrmsd, floor = run.of_objectives("nrmsd", best.node), run.of_objectives("noise_floor")
     used = np.isfinite(nrmsd)
     ratio = np.where(used & (floor > 0), nrmsd / np.where(floor > 0, floor, 1.0), -np.inf)
     worst = int(np.argmax(ratio))
@@ -65,7 +65,7 @@ def extract_headline(run: Run) -> Headline:
         graded="unknown" not in best.grades,
         not_identified=[n for n, grade in zip(best.parameters, best.grades, strict=True) if grade in ("fair", "bad")],
         at_bound=[n for n, bound in zip(best.parameters, best.array("at_bound"), strict=True) if bound],
-        worst_test=run.tests[worst],
+        worst_test=run.objective_names[worst],
         worst_ratio=float(ratio[worst]),
     )
 

@@ -2,8 +2,9 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import open_result, write_result
+from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.reading import findings, green, parameter_layout, summary
-from mofit.results.schema import OWN_UNIT, SCHEMA
+from mofit.results.schema import OUTPUT_UNIT, OWN_UNIT, SCHEMA
 from mofit.results.variables import (
     Signal,
     axis,
@@ -16,8 +17,10 @@ from mofit.results.variables import (
 )
 
 __all__ = [
+    "OUTPUT_UNIT",
     "OWN_UNIT",
     "SCHEMA",
+    "Objective",
     "Signal",
     "axis",
     "cochran",
@@ -26,9 +29,11 @@ __all__ = [
     "findings",
     "green",
     "group_dataset",
+    "objectives",
     "open_result",
     "parameter_axis",
     "parameter_layout",
+    "per_objective",
     "quantity",
     "signal_dataset",
     "summary",

@@ -107,7 +107,7 @@ def _check_group(node: xr.DataTree) -> Iterator[Issue]:
         if name not in node.attrs:
             yield Issue(_where(node), f"attribute '{name}' is missing", _HINT)
     for name, variable in group.variables.items():
-        dims = tuple(variable.dims.format(stage=name_of_group).split())
+        dims = variable.over(name_of_group, "output" in node.coords)
         if name not in node.variables:
             if variable.required:
                 hint = did_you_mean(name, map(str, node.data_vars))
@@ -136,8 +136,8 @@ def _check_mode(node: xr.DataTree) -> Iterator[Issue]:
 
 
 def _check_signals(tree: xr.DataTree) -> Iterator[Issue]:
-    """Signals of a test run over ``time_<test>``."""
-    tests = _labels(tree, "test")
+    """Signals of a test run over ``time_<test>``, and over the outputs where there are several."""
+    tests, last = _labels(tree, "test"), ("output",) * ("output" in tree.coords)
     for node in tree.subtree:
         if node.name not in ("observed_data", "prediction", "posterior_predictive"):
             continue
@@ -146,8 +146,8 @@ def _check_signals(tree: xr.DataTree) -> Iterator[Issue]:
             where = f"{_where(node)}, variable '{name}'"
             if name not in tests:
                 yield Issue(where, "no test has this name", did_you_mean(str(name), tests))
-            elif variable.dims != (*lead, f"time_{name}"):
-                yield Issue(where, f"its dimensions are {variable.dims}, not {(*lead, f'time_{name}')}", _HINT)
+            elif variable.dims != (dims := (*lead, f"time_{name}", *last)):
+                yield Issue(where, f"its dimensions are {variable.dims}, not {dims}", _HINT)
     if "observed_data" in tree.children:
         for name in set(tests) - set(map(str, tree["observed_data"].data_vars)):
             yield Issue("group 'observed_data'", f"test '{name}' is missing", _HINT)

@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
+from mofit.results.objectives import objectives, per_objective
 
 
 def parameter_layout(tree: xr.DataTree) -> ParameterLayout:
@@ -58,9 +59,9 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),
         "search": _search(tree),
-        "noise_floor": _by_label(tree.dataset["noise_floor"]),
+        "noise_floor": _by_objective(tree, tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),
-        "modes": [_mode(name, node, units) for name, node in tree["modes"].children.items()],
+        "modes": [_mode(tree, name, node, units) for name, node in tree["modes"].children.items()],
         "per_frequency": _per_frequency(tree),
         "warnings": [*(entry["text"] for entry in findings(tree)), *json.loads(tree.attrs["warnings"])],
     }
@@ -87,6 +88,12 @@ def _by_label(values: xr.DataArray) -> dict[str, float | None]:
     return {str(label): _number(value) for label, value in zip(values[dim].values, values.values, strict=True)}
 
 
+def _by_objective(tree: xr.DataTree, values: xr.DataArray) -> dict[str, float | None]:
+    """Numbers over tests (and outputs) by the names of the objectives."""
+    names = (one.name for one in objectives(tree))
+    return {name: _number(value) for name, value in zip(names, per_objective(tree, values), strict=True)}
+
+
 def _search(tree: xr.DataTree) -> dict[str, Any] | None:
     """How the search went: its minima by the stage that found them, and whether it was complete."""
     if "search" not in tree.children:
@@ -108,10 +115,10 @@ def _baseline(tree: xr.DataTree) -> dict[str, Any] | None:
     if "baseline" not in tree.children:
         return None
     node = tree["baseline"]
-    return {"model": node.attrs["model"], "nrmsd": _by_label(node.dataset["nrmsd"])}
+    return {"model": node.attrs["model"], "nrmsd": _by_objective(tree, node.dataset["nrmsd"])}
 
 
-def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
+def _mode(tree: xr.DataTree, name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
     found = node.to_dataset(inherit=False)
     entries = {}
     for parameter in found["parameter"].values:
@@ -128,19 +135,24 @@ def _mode(name: str, node: xr.DataTree, units: xr.DataArray) -> dict[str, Any]:
         "probability": _number(node.attrs["probability"]),
         "log_evidence": _number(node.attrs["log_evidence"]),
         "found_by": node.attrs.get("found_by", ""),
-        "nrmsd": _by_label(node.dataset["nrmsd"]),
+        "nrmsd": _by_objective(tree, node.dataset["nrmsd"]),
         "parameters": entries,
     }
 
 
 def _per_frequency(tree: xr.DataTree) -> list[dict[str, Any]]:
-    """One entry per test and minimum, as in the paper's Table 4."""
+    """One entry per test and minimum, as in the paper's Table 4; with several outputs an NRMSD of each."""
     if "per_frequency" not in tree.children:
         return []
     node = tree["per_frequency"].dataset
     return [
-        {"test": str(test), "nrmsd": float(at["nrmsd"]), "parameters": _by_label(at["value"])}
+        {"test": str(test), "nrmsd": _of_outputs(at["nrmsd"]), "parameters": _by_label(at["value"])}
         for test in node["test"].values
         for minimum in range(node.sizes["minimum"])
-        if np.isfinite((at := node.sel(test=test).isel(minimum=minimum))["nrmsd"])
+        if np.isfinite((at := node.sel(test=test).isel(minimum=minimum))["nrmsd"]).any()
     ]
+
+
+def _of_outputs(nrmsd: xr.DataArray) -> float | dict[str, float | None]:
+    """That of the one output, or of each that the test has."""
+    return _by_label(nrmsd.dropna("output")) if "output" in nrmsd.dims else float(nrmsd)

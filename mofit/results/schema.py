@@ -12,12 +12,16 @@ EARLIER = ("mofit.result/1",)
 #: units of a variable over parameters: each has its own, which the coordinate ``unit`` beside it names
 OWN_UNIT = "as unit"
 
+#: the same of a variable over outputs: the coordinate ``output_unit`` names them
+OUTPUT_UNIT = "as output_unit"
+
 #: what the labels along a dimension are
 AXES = {
     "parameter": "parameter of the model",
     "parameter_": "parameter of the model, second axis of a matrix",
     "parameter_baseline": "parameter of the baseline model",
     "test": "test of the campaign",
+    "output": "output of the model",
     "objective": "test whose NRMSD is an objective of the search",
     "chain": "independent ensemble of walkers",
     "draw": "draw from the posterior within its ensemble",
@@ -32,7 +36,8 @@ class Variable:
     Parameters
     ----------
     dims
-        Names of the dimensions, separated by spaces; ``{stage}`` is the name of a calibration stage.
+        Names of the dimensions, separated by spaces; ``{stage}`` is the name of a calibration stage, and ``[output]``
+        is there only where the model has several outputs.
     units
         SI unit, ``"1"`` without one; empty where it depends on the model or the campaign.
     long_name
@@ -45,6 +50,10 @@ class Variable:
     units: str
     long_name: str
     required: bool = True
+
+    def over(self, stage: str, several: bool) -> tuple[str, ...]:
+        """Its dimensions in a group of a stage, of a model with one output or with ``several``."""
+        return tuple(self.dims.format(stage=stage).replace("[output]", "output" if several else "").split())
 
 
 _optional = partial(Variable, required=False)
@@ -70,12 +79,12 @@ _ROOT = Group(
         "period": Variable("test", "s", "period found in the data"),
         "periods": Variable("test", "1", "whole periods"),
         "transient": Variable("test", "s", "time at the start that is not used"),
-        "noise_sd": Variable("test", "", "standard deviation of the output's noise"),
-        "noise_floor": Variable("test", "1", "NRMSD of the noise alone"),
-        "range": Variable("test", "", "peak-to-peak of the output"),
-        "weight": Variable("test", "1", "weight in the search"),
+        "noise_sd": Variable("test [output]", "", "standard deviation of the output's noise"),
+        "noise_floor": Variable("test [output]", "1", "NRMSD of the noise alone"),
+        "range": Variable("test [output]", "", "peak-to-peak of the output"),
+        "weight": Variable("test [output]", "1", "weight in the search"),
         "gap": _optional("", "1", "NRMSD that the model misses, common to all tests"),
-        "effective_samples": _optional("test", "1", "number of independent residuals"),
+        "effective_samples": _optional("test [output]", "1", "number of independent residuals"),
     },
     (
         *("schema", "title", "mofit_version", "created", "seed", "model", "model_title", "campaign_title"),
@@ -122,7 +131,7 @@ _FRONT = Group(
 _MINIMA = Group(
     {
         "value": Variable("minimum parameter", OWN_UNIT, "refined minimum"),
-        "nrmsd": Variable("minimum test", "1", "NRMSD per test"),
+        "nrmsd": Variable("minimum test [output]", "1", "NRMSD per test"),
         "log_posterior": Variable("minimum", "1", "log posterior density"),
         "at_bound": Variable("minimum parameter", "1", "-1 at the lower, 1 at the upper bound"),
         "found_by": _optional("minimum", "1", "stage of the search that found it"),
@@ -134,7 +143,7 @@ _MODE = Group(
     {
         "value": Variable("parameter", OWN_UNIT, "MAP estimate"),
         "at_bound": Variable("parameter", "1", "-1 at the lower, 1 at the upper bound"),
-        "nrmsd": Variable("test", "1", "NRMSD at the MAP estimate"),
+        "nrmsd": Variable("test [output]", "1", "NRMSD at the MAP estimate"),
         "laplace_sd": _optional("parameter", OWN_UNIT, "standard deviation (Laplace)"),
         "laplace_correlation": _optional("parameter parameter_", "1", "correlation (Laplace)"),
         "noise_sd": _optional("parameter", OWN_UNIT, "standard deviation by noise alone, without gap (Laplace)"),
@@ -149,7 +158,7 @@ _MODE = Group(
         "contraction": _optional("parameter", "1", "1 - posterior sd / prior sd"),
         "verdict": _optional("parameter", "1", "identifiability"),
         "leverage": _optional(
-            "test parameter", "1", "relative change of NRMSD per standard deviation of the parameter"
+            "test [output] parameter", "1", "relative change of NRMSD per standard deviation of the parameter"
         ),
     },
     ("log_evidence", "probability", "log_posterior", "converged", "evaluations"),
@@ -181,14 +190,14 @@ _MIXTURE = Group(
 _PER_FREQUENCY = Group(
     {
         "value": Variable("test minimum parameter", OWN_UNIT, "minimum of this test alone"),
-        "nrmsd": Variable("test minimum", "1", "NRMSD of this test"),
+        "nrmsd": Variable("test minimum [output]", "1", "NRMSD of this test"),
         "sd": _optional("test minimum parameter", OWN_UNIT, "standard deviation (Laplace)"),
     }
 )
 _BASELINE = Group(
     {
         "value": Variable("parameter_baseline", OWN_UNIT, "MAP estimate"),
-        "nrmsd": Variable("test", "1", "NRMSD per test"),
+        "nrmsd": Variable("test [output]", "1", "NRMSD per test"),
     },
     ("model", "model_title"),
 )

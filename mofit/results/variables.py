@@ -58,7 +58,7 @@ def group_dataset(
     for key, content in values.items():
         known = group.variables[key]
         unit, text = known.units or (units or {})[key], known.long_name or (long_names or {})[key]
-        variables[key] = quantity(known.dims.format(stage=name).split(), content, unit, text)
+        variables[key] = quantity(known.over(name, "output" in coords), content, unit, text)
     return xr.Dataset(variables, coords, attributes)
 
 
@@ -97,6 +97,8 @@ class Signal:
         Shape (n,), s; and (n,), or (chain, draw, n) for draws from a posterior.
     units, long_name
         As in `quantity`.
+    outputs
+        Whether the last axis of the values is that of the outputs.
     """
 
     test: str
@@ -104,6 +106,7 @@ class Signal:
     values: ArrayLike
     units: str
     long_name: str
+    outputs: bool = False
 
 
 def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
@@ -111,7 +114,8 @@ def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
     variables, coords = {}, {}
     for name, signal in signals.items():
         time = f"time_{signal.test}"
-        lead = ("chain", "draw") if np.ndim(signal.values) == 3 else ()
-        variables[name] = quantity((*lead, time), signal.values, signal.units, signal.long_name)
+        last = ("output",) * signal.outputs
+        lead = ("chain", "draw") if np.ndim(signal.values) == 3 + len(last) else ()
+        variables[name] = quantity((*lead, time, *last), signal.values, signal.units, signal.long_name)
         coords[time] = quantity(time, signal.time, "s", f"time of {signal.test}")
     return xr.Dataset(variables, coords)

@@ -190,8 +190,9 @@ class Simulator:
 
     def _of_objectives(self, sums: FloatArray) -> FloatArray:
         """Sums (N, T, ny, terms) as those of the objectives, (N, K, terms); nan where a simulation failed."""
-        tests, outputs = np.array(objective_pairs(self.experiments), dtype=int).reshape(-1, 2).T
-        sums = sums[:, tests, outputs]
+        sets, tests, outputs, terms = sums.shape
+        places = [test * outputs + output for test, output in objective_pairs(self.experiments)]
+        sums = np.take(sums.reshape(sets, tests * outputs, terms), places, axis=1)  # in C order, as the sums were
         sums[~np.isfinite(sums[..., 0])] = np.nan
         return sums
 

@@ -82,11 +82,15 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
 
 def shrinkage_section(data: Mapping[str, Any]) -> Section:
     """NRMSD per test; output over input, and residual over time."""
-    records = data["records"][:_MOST]
-    unit = display_unit(records[0]["output_unit"], np.concatenate([one["measured"] for one in records]))
-    periodic = [one for one in records if one["frequency"] is not None]
-    panes: dict[str, list[Block]] = {"Loops": [_loops(periodic, unit)]} if periodic else {}
-    panes["Residuals"] = [_residuals(records, display_unit(records[0]["output_unit"], 0.0))]
+    outputs = dict.fromkeys(one["output_name"] for one in data["records"])
+    panes: dict[str, list[Block]] = {}
+    for name in outputs:
+        records = [one for one in data["records"] if one["output_name"] == name][:_MOST]
+        unit = display_unit(records[0]["output_unit"], np.concatenate([one["measured"] for one in records]))
+        periodic = [one for one in records if one["frequency"] is not None]
+        of = f" of {name}" if len(outputs) > 1 else ""
+        panes |= {f"Loops{of}": [_loops(periodic, unit)]} if periodic else {}
+        panes[f"Residuals{of}"] = [_residuals(records, display_unit(records[0]["output_unit"], 0.0))]
     blocks: list[Block] = [_errors(data), *tabs(panes)]
     keys = ("nrmsd_before", "nrmsd_after", "noise_floor", "shrinkage", "records")
     return Section("shrinkage", "How far it shrinks", blocks, {key: data[key] for key in keys})

@@ -59,15 +59,16 @@ def _tests_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:
 
 
 def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: str) -> Figure:
-    tests = list(dict.fromkeys(entry["test"] for entry in before["residuals"]))
-    present = {entry["lines"] for entry in before["residuals"]}
+    maps = _rows(before["residuals"], after["residuals"])
+    tests = list(dict.fromkeys(entry["test"] for entry in maps[0]))
+    present = {entry["lines"] for entry in maps[0]}
     classes = {one.name: one.label for one in SPECTRAL_CLASSES if one.name in present}
-    largest = max((entry["gap"] for entry in before["residuals"]), default=1.0) or 1.0
+    largest = max((entry["gap"] for entry in maps[0]), default=1.0) or 1.0
     shown = display_unit(unit, largest)
     left = 0.25 + _LETTER * min(max(map(len, tests), default=0), _LONGEST)
     panels = Panels(2, 2, 0.27 * len(tests) + 0.2, margin=(left, 0.65, 0.1), top=0.5, gap=(0.25, 0.5))
-    for axes, source, title in zip(panels.axes, (before, after), (_BEFORE, _AFTER), strict=True):
-        _class_map(axes, source["residuals"], tests, classes, largest, shown.factor)
+    for axes, source, title in zip(panels.axes, maps, (_BEFORE, _AFTER), strict=True):
+        _class_map(axes, source, tests, classes, largest, shown.factor)
         axes.set_title(f"{title}: gap ({shown.name})")
     panels.axes[1].set_yticklabels([])
     return panels.figure(
@@ -77,6 +78,13 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
         good="no cell on the right is bold.",
         bad="cells on the right are bold as well: no named effect explains what is left there.",
     )
+
+
+def _rows(*maps: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    """The entries of maps, of several outputs each with a row per test and output."""
+    if len({entry["output"] for entries in maps for entry in entries}) < 2:
+        return [list(entries) for entries in maps]
+    return [[{**entry, "test": f"{entry['test']} / {entry['output']}"} for entry in entries] for entries in maps]
 
 
 def _class_map(

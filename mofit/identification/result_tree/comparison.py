@@ -11,47 +11,52 @@ from mofit._typing import FloatArray
 from mofit.identification.calibration import Calibration
 from mofit.identification.result import IdentificationResult, LocalFit
 from mofit.identification.result_tree.modes import laplace_sd, predictions
-from mofit.parameters import ParameterSpace
+from mofit.identification.result_tree.outputs import over_tests, test_axes
+from mofit.problem import Problem
 from mofit.quantities import title_of
-from mofit.results import axis, group_dataset, parameter_axis
+from mofit.results import group_dataset, parameter_axis
 
 #: Table 4 of the paper lists three minima per frequency.
 MINIMA_PER_TEST = 3
 
 
-def per_frequency(space: ParameterSpace, fits: Mapping[str, LocalFit]) -> xr.Dataset:
-    """Minima of each test alone, in the layout of the paper's Table 4."""
-    tests = list(fits)
-    shape = (len(tests), MINIMA_PER_TEST, len(space))
-    value, sd, nrmsd = np.full(shape, np.nan), np.full(shape, np.nan), np.full(shape[:2], np.nan)
-    for row, test in enumerate(tests):
+def per_frequency(problem: Problem, fits: Mapping[str, LocalFit]) -> xr.Dataset:
+    """Minima of each test of a problem alone, in the layout of the paper's Table 4."""
+    space, whole = problem.space, over_tests(problem, problem.noise.count)
+    shape = (len(fits), MINIMA_PER_TEST, len(space))
+    value, sd = np.full(shape, np.nan), np.full(shape, np.nan)
+    nrmsd = np.full((*shape[:2], *whole.shape[1:]), np.nan)
+    for row, test in enumerate(problem.tests):
         fit = fits[test]
         for column, minimum in enumerate(fit.minima[:MINIMA_PER_TEST]):
             value[row, column] = space.from_unit(minimum.point)
             sd[row, column] = laplace_sd(space, minimum.point, minimum.hessian)
-            nrmsd[row, column] = fit.problem.objectives(minimum.point[None])[0, 0]
+            nrmsd[row, column] = over_tests(fit.problem, fit.problem.objectives(minimum.point[None]))[0, 0]
     return group_dataset(
         "/per_frequency",
         {"value": value, "sd": sd, "nrmsd": nrmsd},
-        {"test": axis("test", tests), **parameter_axis(space.names, space.units)},
+        {**test_axes(problem), **parameter_axis(space.names, space.units)},
     )
 
 
-def baseline_groups(fit: LocalFit) -> dict[str, xr.Dataset]:
-    """The baseline model's best minimum, its NRMSD and its simulated outputs."""
-    problem, best = fit.problem, fit.minima[0]
+def baseline_groups(fit: LocalFit, main: Problem) -> dict[str, xr.Dataset]:
+    """The baseline model's best minimum, its NRMSD and its simulated outputs, on the axes of the main one."""
+    problem, best, outputs = fit.problem, fit.minima[0], main.model.outputs
+    found = over_tests(problem, problem.objectives(best.point[None])[0], outputs)
+    nrmsd = np.full((len(main.tests), *found.shape[1:]), np.nan)
+    nrmsd[[main.tests.index(test) for test in problem.tests]] = found
     values = problem.layout.full(best.point[None])[0]
     model = problem.model
     group = group_dataset(
         "/baseline",
-        {"value": values, "nrmsd": problem.objectives(best.point[None])[0]},
+        {"value": values, "nrmsd": nrmsd},
         {
             **parameter_axis(problem.system.parameters, (p.unit for p in model.parameters), "parameter_baseline"),
-            "test": axis("test", list(problem.tests)),
+            **test_axes(main),
         },
         {"model": model.name, "model_title": model.title or model.name},
     )
-    return {"/baseline": group, "/baseline/prediction": predictions(problem, best.point)}
+    return {"/baseline": group, "/baseline/prediction": predictions(problem, best.point, outputs)}
 
 
 def calibration_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,20 +12,12 @@ from numpy.typing import ArrayLike
 from mofit._typing import FloatArray
 from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.result import IdentificationResult, PosteriorMode
+from mofit.identification.result_tree.outputs import output_signals, over_tests, test_axes
+from mofit.models import Channel
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, test_log_likelihood
-from mofit.quantities import title_of
-from mofit.results import (
-    Signal,
-    axis,
-    draw_axes,
-    draws_dataset,
-    group_dataset,
-    parameter_axis,
-    quantity,
-    signal_dataset,
-)
+from mofit.results import axis, draw_axes, draws_dataset, group_dataset, parameter_axis, quantity
 from mofit.sampling import contraction, laplace_covariance, mixture, r_hat, verdict
 
 #: Posterior draws simulated for the predictive bands, and the most numbers they may take.
@@ -63,14 +56,14 @@ def laplace_sd(space: ParameterSpace, point: FloatArray, hessian: FloatArray) ->
     return np.asarray(sd * space.derivative(space.from_unit(point)))
 
 
-def predictions(problem: Problem, point: FloatArray) -> xr.Dataset:
-    """Simulated output of every test at one point (d,)."""
-    return _simulated(problem, [values[0, :, 0] for values in problem.simulate(point[None])])
+def predictions(problem: Problem, point: FloatArray, outputs: Sequence[Channel] | None = None) -> xr.Dataset:
+    """Simulated outputs of every test at one point (d,)."""
+    return output_signals(problem, [values[0] for values in problem.simulate(point[None])], outputs, "simulated")
 
 
 def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
-    """Simulated output of every test at some of the posterior draws (chain, draw, d), evenly spread."""
-    samples = sum(len(experiment.inputs) for experiment in problem.experiments)
+    """Simulated outputs of every test at some of the posterior draws (chain, draw, d), evenly spread."""
+    samples = sum(experiment.measured.size for experiment in problem.experiments)
     most = min(PREDICTIVE_DRAWS, max(PREDICTIVE_NUMBERS // samples, FEWEST_PREDICTIVE_DRAWS))
     if len(draws) > most:  # long records: not even one draw of every chain
         draws = draws[np.linspace(0, len(draws) - 1, most).astype(int)]
@@ -82,20 +75,9 @@ def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     def simulated(test: int) -> FloatArray:
         """One test at a time: all draws of all tests take several times the memory of the data."""
         (values,) = problem.simulator.select([test]).simulate(points)
-        return np.asarray(values[:, :, 0].reshape(chains, count, -1), dtype=np.float32)
+        return np.asarray(values.reshape(chains, count, *values.shape[1:]), dtype=np.float32)
 
-    return _simulated(problem, [simulated(test) for test in range(len(problem.tests))])
-
-
-def _simulated(problem: Problem, values: list[FloatArray]) -> xr.Dataset:
-    output = problem.model.outputs[0]
-    title = f"simulated {title_of(output.name, output.description)}"
-    return signal_dataset(
-        {
-            m.name: Signal(m.name, m.time, own, output.unit, title)
-            for m, own in zip(problem.measurements, values, strict=True)
-        }
-    )
+    return output_signals(problem, [simulated(test) for test in range(len(problem.tests))], what="simulated")
 
 
 def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:
@@ -103,6 +85,7 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:
     covariance = laplace_covariance(minimum.hessian)
     scale = np.sqrt(np.diag(covariance))
     nrmsd, derivative = (found[0] for found in problem.gradients(minimum.point[None]))
+    leverage = derivative * scale / np.maximum(nrmsd, np.finfo(float).tiny)[:, None]
     return group_dataset(
         path,
         {
@@ -112,13 +95,13 @@ def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:
             "noise_sd": laplace_sd(space, minimum.point, mode.noise_hessian),
             **(_of_draws(space, mode) if mode.is_sampled else {}),
             "laplace_correlation": covariance / np.outer(scale, scale),
-            "nrmsd": nrmsd,
-            "leverage": derivative * scale / np.maximum(nrmsd, np.finfo(float).tiny)[:, None],
+            "nrmsd": over_tests(problem, nrmsd),
+            "leverage": np.moveaxis(over_tests(problem, leverage.T), 0, -1),
         },
         {
             **parameter_axis(space.names, space.units),
             "parameter_": axis("parameter_", list(space.names)),
-            "test": axis("test", list(problem.tests)),
+            **test_axes(problem),
         },
         {
             "log_evidence": mode.evidence.log_evidence,
@@ -175,16 +158,18 @@ def profile_group(path: str, space: ParameterSpace, found: Profile) -> xr.Datase
 
 
 def _log_likelihood(problem: Problem, mode: PosteriorMode, draws: FloatArray) -> xr.Dataset:
-    """Of every test; costs are those that were sampled, which differ from the whole ones by a constant per test."""
+    """Of every objective; costs are those that were sampled, which differ from the whole ones by a constant of each."""
     chains, count, dimension = draws.shape
     quick = mode.sampled.problem.main
     points = np.concatenate([mode.minimum.point[None], draws.reshape(-1, dimension)])
     best, *costs = quick.objectives(points) ** 2 * quick.noise.count
     exact = problem.objectives(points[:1])[0] ** 2 * problem.noise.count
     values = test_log_likelihood(exact + np.array(costs) - best, exact, problem.noise).reshape(chains, count, -1)
+    last, found = ("output",) * (len(problem.model.outputs) > 1), over_tests(problem, values)
+    dims = ("chain", "draw", *last)
     return xr.Dataset(
         {
-            test: quantity(("chain", "draw"), values[..., i], "1", f"log likelihood of {test}, constant left out")
+            test: quantity(dims, found[:, :, i], "1", f"log likelihood of {test}, constant left out")
             for i, test in enumerate(problem.tests)
         },
         draw_axes(draws.shape),

@@ -16,12 +16,14 @@ from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
+from mofit.identification.result_tree.outputs import measured_signals, over_tests, test_axes, unit_of
 from mofit.identification.search_registry import search_descriptions
 from mofit.optimize import hypervolume_history
 from mofit.problem import Problem
 from mofit.quantities import title_of
 from mofit.results import SCHEMA, Signal, axis, group_dataset, parameter_axis, quantity, signal_dataset
 from mofit.runtime.run_directory import configuration_hash
+from mofit.simulation import objective_pairs
 
 #: Evaluations at which the hypervolume is recorded, as shares of all.
 CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -37,7 +39,7 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         **_fixed(outcome),
         **_search(outcome),
         "/minima": _minima(outcome),
-        "/observed_data": _observed_data(outcome.problem),
+        "/observed_data": measured_signals(outcome.problem),
         "/constant_data": _constant_data(outcome.problem),
         **outcome.references,
         **calibration_groups(outcome),
@@ -49,16 +51,21 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
 
 def _root(outcome: IdentificationResult) -> xr.Dataset:
     problem = outcome.problem
-    output = problem.model.outputs[0]
+    outputs = problem.model.outputs
     experiments = [measurement.experiment for measurement in problem.measurements]
 
     def known(values: list[float | None]) -> list[float]:
         return [np.nan if value is None else value for value in values]
 
     starts = [
-        float(experiment.time[np.argmax(seen.weights[:, 0] > 0)] - experiment.time[0])
+        float(experiment.time[np.argmax(np.any(seen.weights > 0, axis=1))] - experiment.time[0])
         for experiment, seen in zip(experiments, problem.experiments, strict=True)
     ]
+    noise_sd, extent = [], []
+    for k, index in objective_pairs(problem.experiments):
+        name = outputs[index].name
+        noise_sd.append(problem.signals[k].noise_sd[name])
+        extent.append(float(np.ptp(problem.measurements[k].channel(name))))
     test: dict[str, ArrayLike] = {
         "excitation": [experiment.kind for experiment in experiments],
         "frequency": known([experiment.frequency for experiment in experiments]),
@@ -66,12 +73,12 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "period": known([signal.period for signal in problem.signals]),
         "periods": [signal.periods for signal in problem.signals],
         "transient": starts,
-        "noise_sd": [signal.noise_sd[output.name] for signal in problem.signals],
-        "noise_floor": [signal.noise_floor[output.name] for signal in problem.signals],
-        "range": [float(np.ptp(measurement.channel(output.name))) for measurement in problem.measurements],
-        "weight": outcome.weights,
+        "noise_sd": over_tests(problem, noise_sd),
+        "noise_floor": over_tests(problem, problem.noise.floor),
+        "range": over_tests(problem, extent),
+        "weight": over_tests(problem, outcome.weights),
         "gap": problem.noise.gap,
-        "effective_samples": problem.noise.independent,
+        "effective_samples": over_tests(problem, problem.noise.independent),
     }
     campaign, model = outcome.campaign, problem.model
     evaluations = {
@@ -99,8 +106,8 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "findings": json.dumps([asdict(finding) for finding in outcome.findings]),
         "sampled": int(all(mode.is_sampled for mode in outcome.modes)),
     }
-    units = {"amplitude": problem.model.inputs[0].unit, "noise_sd": output.unit, "range": output.unit}
-    return group_dataset("/", test, {"test": axis("test", list(problem.tests))}, attributes, units=units)
+    units = {"amplitude": problem.model.inputs[0].unit, "noise_sd": unit_of(outputs), "range": unit_of(outputs)}
+    return group_dataset("/", test, test_axes(problem), attributes, units=units)
 
 
 def _parameters(outcome: IdentificationResult) -> xr.Dataset:
@@ -132,15 +139,6 @@ def _fixed(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     return {"/fixed": xr.Dataset(variables)} if variables else {}
 
 
-def _observed_data(problem: Problem) -> xr.Dataset:
-    """The measured output of every test."""
-    output = problem.model.outputs[0]
-    title = title_of(output.name, output.description)
-    return signal_dataset(
-        {m.name: Signal(m.name, m.time, m.channel(output.name), output.unit, title) for m in problem.measurements}
-    )
-
-
 def _constant_data(problem: Problem) -> xr.Dataset:
     """Inputs as the simulation saw them, and where samples count."""
     signals = {}
@@ -149,7 +147,7 @@ def _constant_data(problem: Problem) -> xr.Dataset:
         for values, channel in zip(experiment.inputs.T, problem.model.inputs, strict=True):
             title = title_of(channel.name, channel.description)
             signals[f"{name}_{channel.name}"] = Signal(name, time, values, channel.unit, title)
-        used = (experiment.weights[:, 0] > 0).astype(np.int8)
+        used = np.any(experiment.weights > 0, axis=1).astype(np.int8)
         signals[f"{name}_weight"] = Signal(name, time, used, "1", "1 where it is used")
     return signal_dataset(signals)
 
@@ -164,7 +162,7 @@ def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         return np.asarray(searched.layout.full(points)[:, columns])
 
     checkpoints = np.unique(np.ceil(np.array(CHECKPOINTS) * found.evaluations).astype(int))
-    axes = {**parameter_axis(space.names, space.units), "objective": axis("objective", list(searched.tests))}
+    axes = {**parameter_axis(space.names, space.units), "objective": axis("objective", list(searched.objective_names))}
     history: dict[str, ArrayLike] = {
         "hypervolume": hypervolume_history(found.objectives, checkpoints),
         "best": np.minimum.accumulate(found.cost)[checkpoints - 1],
@@ -177,7 +175,7 @@ def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     if found.found_by:
         history["found_by"] = list(found.found_by)
     if found.minimises:
-        history["minimises"] = ["" if k < 0 else searched.tests[k] for k in found.minimises]
+        history["minimises"] = ["" if k < 0 else searched.objective_names[k] for k in found.minimises]
     if found.generations.size:
         flown = values(found.points[found.generations.ravel()])
         history["generations"] = flown.reshape(*found.generations.shape, -1)
@@ -208,10 +206,10 @@ def _minima(outcome: IdentificationResult) -> xr.Dataset:
         "/minima",
         {
             "value": problem.space.from_unit(points),
-            "nrmsd": problem.objectives(points),
+            "nrmsd": over_tests(problem, problem.objectives(points)),
             "log_posterior": [-minimum.value for minimum in outcome.minima],
             "at_bound": np.stack([minimum.at_bound for minimum in outcome.minima]),
             "found_by": [minimum.found_by for minimum in outcome.minima],
         },
-        {**parameter_axis(problem.space.names, problem.space.units), "test": axis("test", list(problem.tests))},
+        {**parameter_axis(problem.space.names, problem.space.units), **test_axes(problem)},
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from mofit._typing import FloatArray
-from mofit.report.overlay import NINETY, Overlay, output_unit
+from mofit.report.overlay import NINETY, Overlay, by_output, headed, output_unit
 from mofit.report.run import Run
 from mofit.report.toolkit.axes import all_differ, axis_of_frequencies, axis_of_tests, few_ticks
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text
@@ -158,12 +158,16 @@ def frequency_section(run: Run) -> Section | None:
     found = predictions(run)
     if not found:
         return None
-    errors, fundamental, unit = extract_errors(found), extract_fundamental(found), output_unit(found)
-    blocks: list[Block] = [_figure(errors, fundamental, unit)]
-    if fundamental is not None:
-        table = Details("Table of the fundamental", [_table(fundamental, unit)])
-        blocks = [Text(fundamental_text(fundamental)), *blocks, table]
-    data = {"errors": errors, "fundamental": fundamental}
+    blocks: list[Block] = []
+    for output, own in by_output(found).items():
+        fundamental, unit = extract_fundamental(own), output_unit(own)
+        figure = _figure(extract_errors(own), fundamental, unit, output)
+        if fundamental is None:
+            blocks.append(figure)
+        else:
+            table = Details(headed("Table of the fundamental", output), [_table(fundamental, unit)])
+            blocks += [Text(fundamental_text(fundamental)), figure, table]
+    data = {"errors": extract_errors(found), "fundamental": extract_fundamental(found)}
     return Section("frequency", "Predictive bands over frequency", blocks, data)
 
 
@@ -179,7 +183,7 @@ def fundamental_text(found: Fundamental) -> str:
     )
 
 
-def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit) -> Figure:
+def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit, output: str) -> Figure:
     legend = [
         dot_key(MEASURED, "measured, 90 %", size=4),
         band_key(mode_colour(0), "draws, 5–95 %", 0.5),
@@ -200,7 +204,7 @@ def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit) -> F
             axes.set(title=title, ylabel=name)
             below.set_ylabel(f"deviation ({off})")
     return panels.figure(
-        "Amplitude, phase and error over frequency with their bands",
+        headed("Amplitude, phase and error over frequency with their bands", output),
         "Above: the values. Below: the deviation of the draws from the measured amplitude in per cent and from the "
         "measured phase in degrees, with the 90 % band of the measurement around 0; and the ratio of the error to the "
         "noise floor.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from mofit.report.overlay import Overlay, extract_overlays, output_unit
+from mofit.report.overlay import Overlay, by_output, extract_overlays, headed, output_unit
 from mofit.report.run import Run
 from mofit.report.signals import draw_loop
 from mofit.report.toolkit.axes import few_ticks
@@ -55,7 +55,7 @@ def loops_section(run: Run) -> Section | None:
     )
     blocks: list[Block] = [
         text,
-        _figure(_few(found), run.best.name),
+        *(_figure(_few(own), run.best.name, output) for output, own in by_output(found).items()),
         Details("Table of the samples inside, per test", [table]),
     ]
     data = {"tests": tests, "inside": inside, "band": [float(np.mean(o.parameter_band)) for o in found]}
@@ -69,7 +69,7 @@ def _few(found: list[Overlay]) -> list[Overlay]:
     return [loops[k].last(1) for k in places]
 
 
-def _figure(found: list[Overlay], mode: str) -> Figure:
+def _figure(found: list[Overlay], mode: str, output: str) -> Figure:
     unit = output_unit(found)
     small = display_unit(found[0].output_unit, np.concatenate([overlay.predictive_band for overlay in found]))
     legend = [
@@ -87,7 +87,7 @@ def _figure(found: list[Overlay], mode: str) -> Figure:
     panels.axes[0].set_ylabel(unit.label(found[0].output_name))
     panels.axes[columns].set_ylabel(small.label("measured − mean"))
     return panels.figure(
-        "Posterior predictive bands over hysteresis loops, and the residual in them",
+        headed("Posterior predictive bands over hysteresis loops, and the residual in them", output),
         "Above: output over input in the last full period, with the 90 % band of a new measurement as dashed lines. "
         "Below: the same samples over time, less the mean of the draws.",
         good="the residual fills the wide band without a shape, and rarely leaves it.",

@@ -1,0 +1,91 @@
+"""Values per objective on the axes of the result tree: over tests, and over outputs where a model has several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from mofit._typing import FloatArray
+from mofit.models import Channel
+from mofit.problem import Problem
+from mofit.quantities import title_of
+from mofit.results import OUTPUT_UNIT, Signal, axis, quantity, signal_dataset
+from mofit.simulation import measured_outputs, objective_pairs
+
+
+def test_axes(problem: Problem) -> dict[str, xr.Variable]:
+    """Labels of the tests, and of the outputs with their units where there are several."""
+    outputs = problem.model.outputs
+    return {"test": axis("test", list(problem.tests)), **(_output_axis(outputs) if len(outputs) > 1 else {})}
+
+
+test_axes.__test__ = False  # type: ignore[attr-defined]  # not a pytest function
+
+
+def over_tests(problem: Problem, values: ArrayLike, outputs: Sequence[Channel] | None = None) -> FloatArray:
+    """Values per objective (..., T) of a problem over tests, and over outputs where there are several of these.
+
+    ``outputs`` are those of another model that the problem is compared with. NaN where a test lacks an output.
+    """
+    values, own = np.asarray(values, dtype=float), problem.model.outputs
+    if len(own) > 1:
+        spread = np.full((*values.shape[:-1], len(problem.experiments), len(own)), np.nan)
+        tests, columns = np.array(objective_pairs(problem.experiments)).T
+        spread[..., tests, columns] = values
+    else:
+        spread = values[..., None]
+    return _arranged(spread, own, own if outputs is None else outputs)
+
+
+def output_signals(
+    problem: Problem, values: Sequence[FloatArray], outputs: Sequence[Channel] | None = None, what: str = ""
+) -> xr.Dataset:
+    """Outputs of every test, each (..., samples, ny), as signals; ``what`` says in a word what they are."""
+    own = problem.model.outputs
+    wanted = own if outputs is None else outputs
+    title = " and ".join(title_of(channel.name, channel.description) for channel in wanted)
+    unit, title, several = unit_of(wanted), f"{what} {title}".strip(), len(wanted) > 1
+    found = signal_dataset(
+        {
+            m.name: Signal(m.name, m.time, _arranged(ours, own, wanted), unit, title, several)
+            for m, ours in zip(problem.measurements, values, strict=True)
+        }
+    )
+    return found.assign_coords(_output_axis(wanted)) if several else found
+
+
+def measured_signals(problem: Problem) -> xr.Dataset:
+    """The measured outputs of every test; NaN where it lacks one."""
+    values = []
+    for measurement in problem.measurements:
+        have = measured_outputs(problem.model, measurement)
+        lacking = np.full(len(measurement.time), np.nan)
+        columns = [measurement.channel(c.name) if c.name in have else lacking for c in problem.model.outputs]
+        values.append(np.stack(columns, axis=-1))
+    return output_signals(problem, values)
+
+
+def _output_axis(outputs: Sequence[Channel]) -> dict[str, xr.Variable]:
+    """Names of several outputs, and their units beside them."""
+    return {
+        "output": axis("output", [channel.name for channel in outputs]),
+        "output_unit": quantity("output", [channel.unit for channel in outputs], "1", "SI unit of the output"),
+    }
+
+
+def unit_of(outputs: Sequence[Channel]) -> str:
+    """Unit of what has the unit of the output; of several the coordinate beside them names it."""
+    return outputs[0].unit if len(outputs) == 1 else OUTPUT_UNIT
+
+
+def _arranged(values: FloatArray, own: Sequence[Channel], wanted: Sequence[Channel]) -> FloatArray:
+    """Values over ``own`` outputs, the last axis, over the wanted ones; a single one has no axis. NaN: not there."""
+    if len(wanted) == len(own) == 1:
+        return values[..., 0]
+    names = [channel.name for channel in own]
+    missing = np.full(values.shape[:-1], np.nan, dtype=values.dtype)
+    columns = [values[..., names.index(c.name)] if c.name in names else missing for c in wanted]
+    return np.stack(columns, axis=-1) if len(wanted) > 1 else columns[0]
