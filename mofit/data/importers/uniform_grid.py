@@ -26,8 +26,8 @@ from mofit._typing import FloatArray
 class LowPassSettings:
     """Settings of the low-pass, each with its reason."""
 
-    lower: float = 0.95
-    """Share of the source rate below which a rate is lower: a rounded rate does not filter."""
+    lower: float = 0.9
+    """Share of the source rate below which a rate is lower: rounding and the scatter of uneven stamps do not filter."""
     pass_band: float = 0.4
     stop_band: float = 0.5
     """Edges, in new rates: nothing beyond the Nyquist frequency is left."""
