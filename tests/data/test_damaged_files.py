@@ -21,8 +21,8 @@ from mofit.data.importers.registry import ImportLimits
 from mofit.data.importers.table import read_table
 from mofit.errors import InputError
 
-#: without the extra 'mdf' the others are damaged all the same
-FORMATS = [name for name in rig_files.WRITERS if name != "mf4" or find_spec("asammdf")]
+#: without the extras the others are damaged all the same
+FORMATS = [name for name in rig_files.WRITERS if find_spec(rig_files.PACKAGES.get(name, "numpy"))]
 
 
 @pytest.fixture(scope="module")
