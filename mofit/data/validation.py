@@ -14,6 +14,8 @@ from mofit.quantities import PERIODIC_EXCITATIONS, SINGLE_EXCITATIONS, UNDRIVEN_
 GRID_TOLERANCE = 0.05
 #: distance of two time stamps, in median sampling steps, above which one is missing between them
 MISSING = 1.5
+#: the same where stamps jitter, so that jitter is not taken for gaps
+MISSING_IN_JITTER = 5.0
 #: fewest samples from which period and noise can be found
 FEWEST_SAMPLES = 8
 #: sizes that no unit makes, and beyond which squares overflow or vanish
@@ -34,7 +36,8 @@ def time_issues(where: str, time: FloatArray) -> list[Issue]:
         return issues
     step = float(np.median(steps))
     cure = f"resample = '{1 / step:.4g} Hz' in the map"
-    if (gaps := np.flatnonzero(steps > MISSING * step)).size:
+    jitters = float(np.median(np.abs(steps - step))) > GRID_TOLERANCE * step
+    if (gaps := np.flatnonzero(steps > (MISSING_IN_JITTER if jitters else MISSING) * step)).size:
         at = gaps[0]
         what = f"{gaps.size} gap(s), the first after {time[at]:.6g} s: {steps[at]:.3g} s instead of {step:.3g} s"
         hint = f"Import the parts between the gaps with {cure}, or the longest of them with gaps = 'longest'"

@@ -10,7 +10,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data.importers.uniform_grid import LOW_PASS, Signal, is_lower, on_grid
-from mofit.data.validation import FEWEST_SAMPLES
+from mofit.data.validation import FEWEST_SAMPLES, MISSING_IN_JITTER
 from mofit.errors import InputError
 
 
@@ -18,7 +18,7 @@ from mofit.errors import InputError
 class ResampleSettings:
     """Settings of `resampled`, each with its reason."""
 
-    gap: float = 5.0
+    gap: float = MISSING_IN_JITTER
     """Distance of two stamps that is a gap, in those around it; jitter and a lost sample stay below."""
     around: int = 5
     """Distances on either side that a gap is compared with: a logger that slows down leaves no gap."""
