@@ -35,7 +35,7 @@ def time_issues(where: str, time: FloatArray) -> list[Issue]:
     if issues := _order_issues(where, time, steps):
         return issues
     step = float(np.median(steps))
-    cure = f"resample = '{1 / step:.4g} Hz' in the map"
+    cure = f"resample = '{usual_rate(time):.4g} Hz' in the map"
     jitters = float(np.median(np.abs(steps - step))) > GRID_TOLERANCE * step
     if (gaps := np.flatnonzero(steps > (MISSING_IN_JITTER if jitters else MISSING) * step)).size:
         at = gaps[0]
@@ -64,14 +64,20 @@ def _order_issues(where: str, time: FloatArray, steps: FloatArray) -> list[Issue
         what = f"does not increase after sample {at}: {time[at]:.6g} s is repeated ({same.size}x)"
         if not np.any(steps):
             return [Issue(where, what, "Take another column as time, or give the sample_rate")]
-        rate = 1 / float(np.median(steps[steps > 0]))
-        return [Issue(where, what, f"Import with resample = '{rate:.4g} Hz' in the map, which drops repeated stamps")]
+        hint = f"Import with resample = '{usual_rate(time):.4g} Hz' in the map, which drops repeated stamps"
+        return [Issue(where, what, hint)]
     return []
 
 
 def _missing_channel_hint(role: str) -> str:
     hint = f"Add one, or set role = '{role}' on it"
     return f"{hint}; a free decay has none: procedure = 'free'" if role == "input" else hint
+
+
+def usual_rate(time: FloatArray) -> float:
+    """Rate in Hz of most samples of a record with stamps in s, shape (n,), of which some differ; may be infinite."""
+    steps = np.diff(time)
+    return float(1 / np.median(steps[steps > 0]))
 
 
 def finite_issues(where: str, values: FloatArray) -> list[Issue]:
