@@ -29,7 +29,7 @@ def time_issues(where: str, time: FloatArray) -> list[Issue]:
     where = f"{where}, variable 'time'"
     if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
         return [Issue(where, f"{time.size} samples", f"Give a record of at least {FEWEST_SAMPLES} samples")]
-    if issues := finite_issues(where, time) or _size_issues(where, time):
+    if issues := finite_issues(where, time) or magnitude_issues(where, time):
         return issues
     steps = np.diff(time)
     if issues := _order_issues(where, time, steps):
@@ -121,7 +121,7 @@ def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, Fl
     for role, group in channels.items():
         for name, values in group.items():
             place = f"{where}, variable '{name}'"
-            bad = finite_issues(place, values) or _size_issues(place, values)
+            bad = finite_issues(place, values) or magnitude_issues(place, values)
             issues += bad
             if bad or not values.size or np.ptp(values) > 1e-12 * np.max(np.abs(values)):
                 continue
@@ -133,7 +133,7 @@ def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, Fl
     return issues
 
 
-def _size_issues(where: str, values: FloatArray) -> list[Issue]:
+def magnitude_issues(where: str, values: FloatArray) -> list[Issue]:
     """Values so large, or so small together, that they are no measurement in any unit."""
     largest = float(np.max(np.abs(values), initial=0.0))
     if largest > LARGEST:

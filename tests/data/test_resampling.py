@@ -192,10 +192,19 @@ def test_channels_of_several_rates_meet_on_one_grid(tmp_path, own):
     [
         (np.where(even() > 5, even() - 1, even()), '"100 Hz"', r"'displacement': its time goes back after sample 500"),
         (even(), '"0 Hz"', r"resample: 0 Hz is no rate"),
-        (even(), '"100 GHz"', r"resample: 1e\+11 Hz would make 9.99e\+11 samples\. Lower the rate"),
+        (even(), '"100 GHz"', r"resample: 1e\+11 Hz takes 9.99e\+11 samples of one channel\. Give a rate"),
+        (
+            even(),
+            '"1e-9 Hz"',
+            r"the longest stretch without gaps has 1 samples at 1e-09 Hz, 9.99 s\. It takes at least 8",
+        ),
         (even(), '"100 mm"', r"resample: '100 mm': unit 'mm' does not fit 'Hz'"),
         (np.ones(1000), '"100 Hz"', r"fewer than two samples at different times"),
-        (even(0.05), '"100 Hz"', r"5 samples\. Give a record of at least 8 samples"),
+        (
+            even(0.05),
+            '"100 Hz"',
+            r"the longest stretch without gaps has 5 samples at 100 Hz, 0.04 s\. It takes at least 8: ",
+        ),
     ],
 )
 def test_what_cannot_be_resampled_says_why(tmp_path, time, keys, message):

@@ -10,8 +10,8 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data.importers.uniform_grid import LOW_PASS, Signal, is_lower, on_grid
-from mofit.data.validation import FEWEST_SAMPLES, MISSING_IN_JITTER
-from mofit.errors import InputError
+from mofit.data.validation import FEWEST_SAMPLES, MISSING_IN_JITTER, magnitude_issues
+from mofit.errors import InputError, raise_errors
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class ResampleSettings:
     """Distance of two stamps that is a gap, in those around it; jitter and a lost sample stay below."""
     around: int = 5
     """Distances on either side that a gap is compared with: a logger that slows down leaves no gap."""
-    most: int = 50_000_000
-    """New samples of one record: a rate far beyond the data is a mistake in a unit."""
+    most: int = 100_000_000
+    """Samples of one channel, those of the fine grid included: beyond, a unit is wrong, or memory does not suffice."""
 
 
 SETTINGS = ResampleSettings()
@@ -73,44 +73,63 @@ def resampled(
     gap
         Distance of two stamps in s above which there is a gap; by default five times those around it.
     shortest
-        Duration in s of the shortest part that is kept. A part has at least 8 samples. Of a record without any such
-        part the longest is kept.
+        Duration in s of the shortest part that is kept. A part has at least 8 samples.
 
     Raises
     ------
     InputError
-        If stamps go back, if signals have no common time, or if the rate is no rate, or far beyond the data.
+        If stamps go back, if signals have no common time, if no part is long enough, or if the rate is no rate, or far
+        beyond the data.
     """
     if not (np.isfinite(rate) and rate > 0):
         raise InputError.of(f"{where}, resample", f"{rate:g} Hz is no rate", "Give a rate above 0, like '200 Hz'")
     sound = {name: _sound(f"{where}, variable '{name}'", signal) for name, signal in signals.items()}
     runs = {name: _runs(signal, gap, rate) for name, signal in sound.items()}
     spans = _common([[(run.time[0], run.time[-1]) for run in own] for own in runs.values()])
-    if not spans:
-        raise InputError.of(where, "its channels have no time in common", "Check the time of every channel")
-    if (count := sum(end - start for start, end in spans) * rate) > SETTINGS.most:
-        message = f"{rate:g} Hz would make {count:.3g} samples"
-        raise InputError.of(f"{where}, resample", message, "Lower the rate, or check its unit and that of the time")
-    counts = [int((end - start) * rate * (1 + 1e-12) + 1e-6) + 1 for start, end in spans]
-    enough = [n >= FEWEST_SAMPLES and end - start >= shortest for n, (start, end) in zip(counts, spans, strict=True)]
-    if not any(enough):
-        enough[int(np.argmax(counts))] = True
+    _check_spans(where, spans, sound, rate, shortest)
     begins = {name: [run.time[0] for run in own] for name, own in runs.items()}
     parts: dict[bool, list[Part]] = {True: [], False: []}
-    for (start, end), n, kept in zip(spans, counts, enough, strict=True):
+    for start, end in spans:
+        count = _samples(start, end, rate)
+        kept = count >= FEWEST_SAMPLES and end - start >= shortest
         values = {
-            name: on_grid(own[bisect_right(begins[name], start) - 1], start, n, rate, linear)
+            name: on_grid(own[bisect_right(begins[name], start) - 1], start, count, rate, linear)
             for name, own in runs.items()
             if kept
         }
-        parts[kept].append(Part(start, end, n, values))
+        parts[kept].append(Part(start, end, count, values))
     return Resampled(parts[True], parts[False], _history(signals, sound, rate, linear))
+
+
+def _samples(start: float, end: float, rate: float) -> int:
+    """Samples from start to end, to rounding."""
+    return int((end - start) * rate * (1 + 1e-12) + 1e-6) + 1
+
+
+def _check_spans(
+    where: str, spans: Sequence[tuple[float, float]], sound: Mapping[str, Signal], rate: float, shortest: float
+) -> None:
+    """Refuse a record without a part that is long enough, and a rate that makes too many samples."""
+    if not spans:
+        raise InputError.of(where, "its channels have no time in common", "Check the time of every channel")
+    steps = [float(np.median(np.diff(signal.time))) for signal in sound.values()]
+    finest = max(rate, *(LOW_PASS.fine / step for step in steps if is_lower(rate, step)), rate)
+    if not (count := sum(end - start for start, end in spans) * finest) <= SETTINGS.most:
+        message = f"{rate:g} Hz takes {count:.3g} samples of one channel"
+        hint = "Give a rate closer to that of the data, or check the units of both"
+        raise InputError.of(f"{where}, resample", message, hint)
+    start, end = max(spans, key=lambda span: span[1] - span[0])
+    if _samples(start, end, rate) < FEWEST_SAMPLES or end - start < shortest:
+        message = f"the longest stretch without gaps has {_samples(start, end, rate)} samples at {rate:g} Hz"
+        least = f"at least {FEWEST_SAMPLES}" + (f" and {shortest:.4g} s, a period" if shortest else "")
+        raise InputError.of(where, f"{message}, {end - start:.4g} s", f"It takes {least}: raise the rate, or max_gap")
 
 
 def _sound(where: str, signal: Signal) -> Signal:
     """The samples that are finite, the last one of each stamp."""
     finite = np.isfinite(signal.time) & np.isfinite(signal.values)
     time, values = signal.time[finite], signal.values[finite]
+    raise_errors([*magnitude_issues(f"{where}, time", time), *magnitude_issues(where, values)])
     steps = np.diff(time)
     if (back := np.flatnonzero(steps < 0)).size:
         at = back[0]

@@ -85,13 +85,15 @@ def on_grid(signal: Signal, start: float, count: int, rate: float, linear: bool)
 def _interpolation(signal: Signal, linear: bool) -> Callable[[FloatArray], FloatArray]:
     """The signal between its samples; beyond its ends it is continued by point reflection."""
     time, values = signal.time, signal.values
-    spline = None if linear else CubicSpline(time, values)
     first, last = time[0], time[-1]
+    # in usual steps from the begin, so that no power of a step vanishes
+    step = float(np.median(np.diff(time)))
+    spline = None if linear else CubicSpline((time - first) / step, values)
 
     def between(at: FloatArray) -> FloatArray:
         before, behind = at < first, at > last
         inside = np.where(before, 2 * first - at, np.where(behind, 2 * last - at, at)).clip(first, last)
-        found = np.interp(inside, time, values) if spline is None else spline(inside)
+        found = np.interp(inside, time, values) if spline is None else spline((inside - first) / step)
         return np.where(before, 2 * values[0] - found, np.where(behind, 2 * values[-1] - found, found))
 
     return between
