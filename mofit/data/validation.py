@@ -62,8 +62,8 @@ def _order_issues(where: str, time: FloatArray, steps: FloatArray) -> list[Issue
     if (same := np.flatnonzero(steps == 0)).size:
         at = same[0]
         what = f"does not increase after sample {at}: {time[at]:.6g} s is repeated ({same.size}x)"
-        if not np.any(steps):
-            return [Issue(where, what, "Take another column as time, or give the sample_rate")]
+        if same.size > len(steps) / 2:  # a clock of whole seconds
+            return [Issue(where, what, "It is too coarse for these samples: give the sample_rate, or another column")]
         hint = f"Import with resample = '{usual_rate(time):.4g} Hz' in the map, which drops repeated stamps"
         return [Issue(where, what, hint)]
     return []
@@ -75,9 +75,9 @@ def _missing_channel_hint(role: str) -> str:
 
 
 def usual_rate(time: FloatArray) -> float:
-    """Rate in Hz of most samples of a record with stamps in s, shape (n,), of which some differ; may be infinite."""
+    """Rate in Hz of most samples of a record with stamps in s, shape (n,); 0 where all are alike, and maybe infinite."""
     steps = np.diff(time)
-    return float(1 / np.median(steps[steps > 0]))
+    return float(1 / np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
 
 
 def finite_issues(where: str, values: FloatArray) -> list[Issue]:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mofit.data import import_files, propose_map
 from mofit.data.importers.clock import clock_seconds
 from mofit.data.importers.table import read_table
+from mofit.errors import InputError
 
 START = datetime(2021, 3, 4, 10, 11, 12)
 STAMPS = [START + timedelta(milliseconds=250 * k) for k in range(40)]
@@ -84,3 +85,11 @@ def test_no_digit_of_a_microsecond_is_lost(start, steps, writer):
     offsets = np.concatenate([[0], np.cumsum(steps)])
     cells = [WRITERS[writer](start + timedelta(microseconds=int(offset))) for offset in offsets]
     np.testing.assert_allclose(clock_seconds(cells), offsets / 1e6, rtol=1e-15)
+
+
+def test_a_clock_of_whole_seconds_is_too_coarse_for_four_samples_a_second(tmp_path):
+    rows = [f"{stamp:%Y-%m-%d %H:%M:%S};{k}.5;{k}.25" for k, stamp in enumerate(STAMPS)]
+    (tmp_path / "a.csv").write_text("\n".join(["time;stroke [mm];load [kN]", *rows]))
+    (tmp_path / "map.toml").write_text(propose_map([tmp_path / "a.csv"]))
+    with pytest.raises(InputError, match=r"0 s is repeated \(30x\)\. It is too coarse .*: give the sample_rate"):
+        import_files([], tmp_path / "map.toml")

@@ -171,3 +171,8 @@ def test_records_that_are_alike_are_proposed_as_tests(tmp_path, reader):
     (tmp_path / "map.toml").write_text(text)
     names = import_files([], tmp_path / "map.toml", reader).tests
     assert names == ("a_cold_1", "a_cold_2", "a_warm_1", "a_warm_2")
+
+
+def test_stamps_that_are_all_alike_have_no_rate(tmp_path):
+    text = propose_map([csv(tmp_path, {"t [s]": 0 * TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE})])
+    assert "resample" not in text

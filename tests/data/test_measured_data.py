@@ -104,27 +104,8 @@ def test_silverbox_realisations_and_bursts():
         assert record.noise_sd["displacement"] == pytest.approx(0.3e-3, rel=0.2)
 
 
-def own_map(folder, text):
-    (folder / "map.toml").write_text(text)
-    return folder / "map.toml"
-
-
-BATTERY = r"""
-title = "LG M50 cell, current pulses at 25 degC"
-[[tests]]
-name = "{soc}_{cell}"
-file = "LGM50_5Ah_Pulse.mat"
-records = 'LGM50_5Ah_Pulse\.T25\.(?P<soc>SoC\d)\.(?P<cell>Cell\d+)\.data'
-procedure = "step"
-resample = "10 Hz"
-time = { column = "ProgTime", unit = "s" }
-channels.current = { column = "Current", unit = "A", role = "input" }
-channels.voltage = { column = "Voltage", unit = "V", role = "output" }
-"""
-
-
 def test_battery_records_of_uneven_stamps(tmp_path):
-    campaign = import_files([DATA / "battery_pulses"], own_map(tmp_path, BATTERY))
+    campaign = imported("battery_pulses", "battery_pulses")
     assert len(campaign.tests) == 54
     for test in campaign.measurements:
         assert "repeated stamps dropped" in test.history
@@ -132,55 +113,22 @@ def test_battery_records_of_uneven_stamps(tmp_path):
         # 10 s of discharge at 7.5 A, then 10 s of rest
         assert test.channel("current")[20:80] == pytest.approx(-7.5, abs=0.5)
         assert test.channel("current")[120:180] == pytest.approx(0, abs=0.1)
+    map_path = tmp_path / "map.toml"
+    text = (ROOT / "data" / "maps" / "battery_pulses.toml").read_text(encoding="utf-8")
+    map_path.write_text(text.replace('resample = "10 Hz"', ""), encoding="utf-8")
     with pytest.raises(InputError, match=r"test 'SoC9_Cell1', variable 'time': .*resample = '"):
-        import_files([DATA / "battery_pulses"], own_map(tmp_path, BATTERY.replace('resample = "10 Hz"', "")))
+        import_files([DATA / "battery_pulses"], map_path)
 
 
-TANKS = """
-title = "Cascaded tanks"
-[defaults]
-file = "dataBenchmark.csv.gz"
-procedure = "free"
-sample_rate = "0.25 Hz"
-[[tests]]
-name = "estimation"
-channels.pump = { column = "uEst", unit = "V", role = "input" }
-channels.level = { column = "yEst", unit = "V", role = "output" }
-[[tests]]
-name = "validation"
-channels.pump = { column = "uVal", unit = "V", role = "input" }
-channels.level = { column = "yVal", unit = "V", role = "output" }
-"""
-
-
-def test_tanks(tmp_path):
-    campaign = import_files([DATA / "cascaded_tanks"], own_map(tmp_path, TANKS))
+def test_tanks():
+    campaign = imported("cascaded_tanks", "cascaded_tanks")
     assert [len(test.time) for test in campaign.measurements] == [1024, 1024]
     # the sensor saturates at 10 V
     assert [int(np.sum(test.channel("level") > 9.99)) for test in campaign.measurements] == [48, 39]
 
 
-FRICTION = r"""
-title = "Friction damper"
-[defaults]
-time = { column = "time [s]", unit = "s" }
-channels.displacement = { column = "displacement [in]", unit = "in" }
-channels.force = { column = "force [kip]", unit = "kip" }
-[[tests]]
-pattern = '(?P<f>[\d.]+)Hz30lbtension(?P<a>[\d.]+)amplitude\.csv\.gz'
-name = "sine_{f}Hz_{a}in"
-procedure = "sine"
-frequency = "{f} Hz"
-amplitude = "{a} in"
-[[tests]]
-name = "quake"
-file = "KocaeliMCE.csv.gz"
-procedure = "free"
-"""
-
-
-def test_friction_damper(tmp_path):
-    campaign = import_files([DATA / "friction_damper"], own_map(tmp_path, FRICTION))
+def test_friction_damper():
+    campaign = imported("friction_damper", "friction_damper")
     assert len(campaign.tests) == 9
     for test in campaign.measurements[:-1]:
         assert np.ptp(test.channel("displacement")) / 2 == pytest.approx(test.experiment.amplitude, rel=0.05)
@@ -198,5 +146,6 @@ channels.E = { column = "E_stor", unit = "MPa", role = "output" }
 
 
 def test_moduli_over_the_frequency_are_no_record(tmp_path):
+    (tmp_path / "map.toml").write_text(MASTER_CURVE)
     with pytest.raises(InputError, match=r"variable 'time': "):
-        import_files([DATA / "nrel_dma"], own_map(tmp_path, MASTER_CURVE))
+        import_files([DATA / "nrel_dma"], tmp_path / "map.toml")

@@ -15,7 +15,7 @@ from mofit.data.importers.channel_aliases import FAMILIES, TIME, Family, fits, k
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.registry import known_endings
 from mofit.data.importers.table import Table, read_table, source_files
-from mofit.data.validation import FEWEST_SAMPLES, time_issues, usual_rate
+from mofit.data.validation import time_issues, usual_rate
 from mofit.errors import InputError, Issue, collected
 from mofit.quantities import known_unit
 from mofit.runtime.toml import toml_value
@@ -213,12 +213,7 @@ def _resample(table: Table, time: Guess) -> Iterator[str]:
     """The key that brings uneven stamps to one rate, where it can."""
     stamps = to_si(table.column(time.column), time.unit, "s")
     found = time_issues("", stamps)
-    if (
-        found
-        and len(stamps) >= FEWEST_SAMPLES
-        and np.all(np.diff(stamps) >= 0)
-        and 0 < (rate := usual_rate(stamps)) < np.inf
-    ):
+    if found and "resample" in found[0].hint and 0 < (rate := usual_rate(stamps)) < np.inf:
         yield f'resample = "{rate:.4g} Hz"  # the time {_line(found[0].message)}'
 
 
