@@ -75,7 +75,7 @@ def _missing_channel_hint(role: str) -> str:
 
 
 def usual_rate(time: FloatArray) -> float:
-    """Rate in Hz of most samples of a record with stamps in s, shape (n,); 0 where all are alike, and maybe infinite."""
+    """Rate in Hz of most samples of a record with stamps in s, shape (n,); 0 where all are alike; may be infinite."""
     steps = np.diff(time)
     return float(1 / np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
 
