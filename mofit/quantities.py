@@ -7,11 +7,17 @@ from typing import Literal
 
 Role = Literal["input", "output"]
 
-#: how a test excites the system; ``free`` is any other signal
-EXCITATION_KINDS = ("step", "quasi_static", "sine", "chirp", "multisine", "free")
+#: how a test excites the system; ``chirp`` is any sweep, ``free`` any other signal, or none: a free decay
+EXCITATION_KINDS = ("step", "ramp", "quasi_static", "sine", "chirp", "multisine", "free")
 
 #: kinds whose signal repeats by design
 PERIODIC_EXCITATIONS = ("sine", "multisine")
+
+#: kinds whose input changes once and then stays; it has kinks, so it runs straight between its samples
+SINGLE_EXCITATIONS = ("step", "ramp")
+
+#: kinds that need no input channel
+UNDRIVEN_EXCITATIONS = ("free",)
 
 #: how an input runs between its samples
 INTERPOLATIONS = ("cubic", "linear")

@@ -96,6 +96,8 @@ def report_campaign(campaign: Campaign, target: Path, as_json: bool, warnings: S
             print(f"    {channel['role']} {name}: {low:.4g} to {high:.4g} {channel['unit']}")
         if row["conditions"]:
             print("    " + ", ".join(f"{name} {value:.5g}" for name, value in row["conditions"].items()) + " (SI)")
+        if row["history"]:
+            print(f"    {row['history']}")
     for issue in warnings:
         say(f"{issue.severity}: {issue}")
     return DONE

@@ -12,7 +12,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
-from mofit.quantities import EXCITATION_KINDS, INTERPOLATIONS, known_unit
+from mofit.quantities import EXCITATION_KINDS, INTERPOLATIONS, SINGLE_EXCITATIONS, known_unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Experiment:
     time: FloatArray
     """Uniform time grid, shape (n,), in s."""
     inputs: Mapping[str, FloatArray]
-    """Input channels over ``time``, shape (n,) each, in SI units."""
+    """Input channels over ``time``, shape (n,) each, in SI units; none in a free decay."""
     conditions: Mapping[str, float] = field(default_factory=dict)
     """Constants of the test (load, speed …) in SI units; those of the campaign included."""
     frequency: float | None = None
@@ -41,13 +41,13 @@ class Experiment:
     start_time: float | None = None
     """Time since the campaign began, in s."""
     interpolation: str = ""
-    """How inputs run between samples: ``"cubic"`` or ``"linear"``; by default linear for a step."""
+    """How inputs run between samples: ``"cubic"`` or ``"linear"``; by default linear for a step or ramp."""
     transient: float | None = None
     """Time at the start that is not used, in s, where the test states it; else it is found from the data."""
 
     def __post_init__(self) -> None:
         if not self.interpolation:
-            object.__setattr__(self, "interpolation", "linear" if self.kind == "step" else "cubic")
+            object.__setattr__(self, "interpolation", default_interpolation(self.kind))
         where = f"test '{self.name}'"
         raise_errors(
             Issue(where, f"unknown {what} '{value}'", did_you_mean(value, known))
@@ -69,13 +69,14 @@ class Measurement:
     """An experiment and the outputs measured in it, shape (n,) each, in SI units.
 
     ``units`` names the SI unit of every channel, inputs and outputs. ``gaps`` counts those of the record that the test
-    was cut from.
+    was cut from, and ``history`` tells how the record was resampled.
     """
 
     experiment: Experiment
     outputs: Mapping[str, FloatArray]
     units: Mapping[str, str]
     gaps: int = 0
+    history: str = ""
 
     @property
     def name(self) -> str:
@@ -192,6 +193,11 @@ class Campaign:
         return digest.hexdigest()
 
 
+def default_interpolation(kind: str) -> str:
+    """How inputs of a kind of test run between samples where the test does not say it."""
+    return "linear" if kind in SINGLE_EXCITATIONS else "cubic"
+
+
 def overview(measurement: Measurement) -> dict[str, Any]:
     """The content of a test as plain data.
 
@@ -199,7 +205,8 @@ def overview(measurement: Measurement) -> dict[str, Any]:
     -------
     dict
         ``test``, ``procedure``, ``samples``, ``seconds`` (s), ``rate`` (Hz), ``gaps`` (of the record that the test was
-        cut from), ``channels`` by name with ``role``, ``unit`` and ``range``, and ``conditions`` (SI).
+        cut from), ``history`` (how it was resampled), ``channels`` by name with ``role``, ``unit`` and ``range``, and
+        ``conditions`` (SI).
     """
     experiment, time = measurement.experiment, measurement.time
     groups = (("input", experiment.inputs), ("output", measurement.outputs))
@@ -210,6 +217,7 @@ def overview(measurement: Measurement) -> dict[str, Any]:
         "seconds": float(time[-1] - time[0]),
         "rate": 1 / experiment.step,
         "gaps": measurement.gaps,
+        "history": measurement.history,
         "channels": {
             name: {
                 "role": role,

@@ -161,7 +161,8 @@ def _measurement(
     if any(issue.severity == "error" for issue in issues) or time is None:
         return None, issues
     experiment = Experiment(name, kind, time, channels["input"], conditions, **numbers, interpolation=interpolation)
-    return Measurement(experiment, channels["output"], units, int(gaps or 0)), issues
+    history = str(group.attrs.get("history", ""))
+    return Measurement(experiment, channels["output"], units, int(gaps or 0), history), issues
 
 
 def _channels(

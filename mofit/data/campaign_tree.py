@@ -82,7 +82,8 @@ def campaign_tree(campaign: Campaign) -> xr.DataTree:
             coords={"time": ("time", experiment.time, {"units": "s", "long_name": "time"})},
             attrs={"procedure": experiment.kind, "interpolation": experiment.interpolation}
             | {key: value for key, value in numbers.items() if value is not None}
-            | ({"gaps": measurement.gaps} if measurement.gaps else {}),
+            | ({"gaps": measurement.gaps} if measurement.gaps else {})
+            | ({"history": measurement.history} if measurement.history else {}),
         )
     return xr.DataTree.from_dict(groups)
 

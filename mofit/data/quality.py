@@ -19,7 +19,7 @@ from mofit.data.sign_and_delay import sign_and_delay_issues
 from mofit.data.signals import SignalAnalysis, analyse, steady_samples
 from mofit.data.signals.smoothing import quantisation_step
 from mofit.errors import Issue
-from mofit.quantities import EXPECTED_CONDITIONS, PERIODIC_EXCITATIONS
+from mofit.quantities import EXPECTED_CONDITIONS, PERIODIC_EXCITATIONS, SINGLE_EXCITATIONS
 from mofit.runtime.progress import Progress, silent
 
 
@@ -152,7 +152,7 @@ def _levels(measurement: Measurement, analysis: SignalAnalysis) -> _Found:
     for name, values in measurement.outputs.items():
         place = f", variable '{name}'"
         run = max(_clipped(values), _clipped(-values))
-        if measurement.kind != "step" and run >= LIMITS.clipped_samples:
+        if measurement.kind not in SINGLE_EXCITATIONS and run >= LIMITS.clipped_samples:
             message = f"{run} equal samples in a row at its extreme, as if clipped or saturated"
             yield place, message, "Check the range of the sensor and the amplifier"
         if (step := quantisation_step(values)) > LIMITS.resolution * np.ptp(values):

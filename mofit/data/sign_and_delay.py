@@ -22,6 +22,7 @@ from mofit._typing import FloatArray
 from mofit.data.campaign import Measurement
 from mofit.data.response import Response
 from mofit.errors import Issue
+from mofit.quantities import SINGLE_EXCITATIONS
 
 #: input and output that are positive together at low frequencies (docs/campaigns.md), and whether they carry power
 _TOGETHER = {
@@ -221,11 +222,11 @@ def _correlations(measurements: Sequence[Measurement]) -> Iterator[Issue]:
         driver, x = next(iter(measurement.experiment.inputs.items()))
         for output, y in measurement.outputs.items():
             pair = (measurement.kind, driver, output)
-            agreement = _settled(x, y) if measurement.kind == "step" else _correlation(x, y)
+            agreement = _settled(x, y) if measurement.kind in SINGLE_EXCITATIONS else _correlation(x, y)
             signs.setdefault(pair, []).append((measurement.name, agreement))
     for (kind, driver, output), entries in signs.items():
         clear = [(test, value) for test, value in entries if abs(value) > LIMITS.correlated]
-        known = kind in ("step", "quasi_static") and (driver, output) in _TOGETHER
+        known = kind in (*SINGLE_EXCITATIONS, "quasi_static") and (driver, output) in _TOGETHER
         minority = [test for test, value in clear if value < 0]
         if not known and len(minority) > len(clear) / 2:
             minority = [test for test, value in clear if value > 0]

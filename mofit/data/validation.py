@@ -8,12 +8,14 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import Issue
-from mofit.quantities import PERIODIC_EXCITATIONS
+from mofit.quantities import PERIODIC_EXCITATIONS, SINGLE_EXCITATIONS, UNDRIVEN_EXCITATIONS
 
 #: departure of a time stamp from the uniform grid that counts as rounding, in sampling steps
 GRID_TOLERANCE = 0.05
 #: distance of two time stamps, in median sampling steps, above which one is missing between them
 MISSING = 1.5
+#: the same where stamps jitter, so that jitter is not taken for gaps
+MISSING_IN_JITTER = 5.0
 #: fewest samples from which period and noise can be found
 FEWEST_SAMPLES = 8
 #: sizes that no unit makes, and beyond which squares overflow or vanish
@@ -27,25 +29,55 @@ def time_issues(where: str, time: FloatArray) -> list[Issue]:
     where = f"{where}, variable 'time'"
     if time.ndim != 1 or len(time) < FEWEST_SAMPLES:
         return [Issue(where, f"{time.size} samples", f"Give a record of at least {FEWEST_SAMPLES} samples")]
-    if issues := finite_issues(where, time) or _size_issues(where, time):
+    if issues := finite_issues(where, time) or magnitude_issues(where, time):
         return issues
     steps = np.diff(time)
-    if (backward := np.flatnonzero(steps <= 0)).size:
-        at = backward[0]
-        what = f"does not increase after sample {at}: {time[at]:.6g} s, then {time[at + 1]:.6g} s ({backward.size}x)"
-        return [Issue(where, what, "Sort the samples and remove repeated ones, or cut the record there")]
+    if issues := _order_issues(where, time, steps):
+        return issues
     step = float(np.median(steps))
-    if (gaps := np.flatnonzero(steps > MISSING * step)).size:
+    cure = f"resample = '{usual_rate(time):.4g} Hz' in the map"
+    jitters = float(np.median(np.abs(steps - step))) > GRID_TOLERANCE * step
+    if (gaps := np.flatnonzero(steps > (MISSING_IN_JITTER if jitters else MISSING) * step)).size:
         at = gaps[0]
         what = f"{gaps.size} gap(s), the first after {time[at]:.6g} s: {steps[at]:.3g} s instead of {step:.3g} s"
-        hint = "Measure again, cut the record into two tests there, or import its longest stretch (gaps = 'longest')"
+        hint = f"Import the parts between the gaps with {cure}, or the longest of them with gaps = 'longest'"
         return [Issue(where, what, hint)]
     index = np.arange(len(time))
-    off = np.max(np.abs(time - np.polyval(np.polyfit(index, time, 1), index))) / step
-    if off > GRID_TOLERANCE:
-        what = f"not uniform: a time stamp is {off:.2g} sampling steps off the grid"
-        return [Issue(where, what, "Resample to a constant rate, or give the true sample rate instead of the stamps")]
+    off = np.abs(time - np.polyval(np.polyfit(index, time, 1), index)) / step
+    at = int(np.argmax(off))
+    if off[at] > GRID_TOLERANCE:
+        what = (
+            f"not uniform: stamp {at}, {time[at]:.6g} s, is {off[at]:.2g} sampling steps of {step:.3g} s off the grid"
+        )
+        return [Issue(where, what, f"Import with {cure}, or give the true sample_rate instead of the stamps")]
     return []
+
+
+def _order_issues(where: str, time: FloatArray, steps: FloatArray) -> list[Issue]:
+    """Stamps that go back, or else that repeat; ``steps`` (n - 1,) are the differences of ``time`` (n,), in s."""
+    if (back := np.flatnonzero(steps < 0)).size:
+        at = back[0]
+        what = f"goes back after sample {at}: {time[at]:.6g} s, then {time[at + 1]:.6g} s ({back.size}x)"
+        return [Issue(where, what, "Sort the samples, or cut the record there with rows = [first, last]")]
+    if (same := np.flatnonzero(steps == 0)).size:
+        at = same[0]
+        what = f"does not increase after sample {at}: {time[at]:.6g} s is repeated ({same.size}x)"
+        if same.size > len(steps) / 2:  # a clock of whole seconds
+            return [Issue(where, what, "It is too coarse for these samples: give the sample_rate, or another column")]
+        hint = f"Import with resample = '{usual_rate(time):.4g} Hz' in the map, which drops repeated stamps"
+        return [Issue(where, what, hint)]
+    return []
+
+
+def _missing_channel_hint(role: str) -> str:
+    hint = f"Add one, or set role = '{role}' on it"
+    return f"{hint}; a free decay has none: procedure = 'free'" if role == "input" else hint
+
+
+def usual_rate(time: FloatArray) -> float:
+    """Rate in Hz of most samples of a record with stamps in s, shape (n,); 0 where all are alike; may be infinite."""
+    steps = np.diff(time)
+    return float(1 / np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
 
 
 def finite_issues(where: str, values: FloatArray) -> list[Issue]:
@@ -76,9 +108,9 @@ def experiment_issues(
     if not issues:
         issues += whole_period_issues(where, kind, time, frequency)
     issues += [
-        Issue(where, f"no {role} channel", f"Add one, or set role = '{role}' on it")
+        Issue(where, f"no {role} channel", _missing_channel_hint(role))
         for role, group in channels.items()
-        if not group
+        if not group and not (role == "input" and kind in UNDRIVEN_EXCITATIONS)
     ]
     return issues + channel_issues(where, kind, channels)
 
@@ -89,19 +121,19 @@ def channel_issues(where: str, kind: str, channels: Mapping[str, Mapping[str, Fl
     for role, group in channels.items():
         for name, values in group.items():
             place = f"{where}, variable '{name}'"
-            bad = finite_issues(place, values) or _size_issues(place, values)
+            bad = finite_issues(place, values) or magnitude_issues(place, values)
             issues += bad
             if bad or not values.size or np.ptp(values) > 1e-12 * np.max(np.abs(values)):
                 continue
             # a step may begin before the record, and a free system need not be driven
-            mild = role == "input" and kind in ("step", "free")
+            mild = role == "input" and kind in (*SINGLE_EXCITATIONS, *UNDRIVEN_EXCITATIONS)
             what = f"the {role} is constant ({values[0]:.6g})"
             hint = "Check the sensor and the column; leave the test out if nothing moved"
             issues.append(Issue(place, what, hint, "warning" if mild else "error"))
     return issues
 
 
-def _size_issues(where: str, values: FloatArray) -> list[Issue]:
+def magnitude_issues(where: str, values: FloatArray) -> list[Issue]:
     """Values so large, or so small together, that they are no measurement in any unit."""
     largest = float(np.max(np.abs(values), initial=0.0))
     if largest > LARGEST:

@@ -8,7 +8,7 @@ between formats. For each file `mofit import --guess` proposes a map, and the ri
 allowed: an `InputError` (exit code 2) with nothing written, or a campaign file that reads back without an issue (and
 a proposal that is valid TOML). Failures are any other exception or warning, a file on which mofit's own code took
 longer than its limit, a partial file, and a campaign that does not read back. `contained` counts the refusals for
-which the process that reads MAT and MDF files had to be ended, by its time limit of 5 s or a crash.
+which the process that reads files through a library had to be ended, by its time limit of 5 s or a crash.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def main() -> None:
     memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     command = f"formats.py --files {arguments.files} --seed {arguments.seed}"
     used = f"CPU time {cpu:.0f} s; most memory of the reading process {memory:.0f} MB."
-    foot = [used, "", made_with("h5py", "asammdf", "pandas")]
+    foot = [used, "", made_with("h5py", "asammdf", "openpyxl", "pandas", "pyarrow")]
     write_page("formats", [*header("Damaged files", __doc__, command), *outcomes(counts, slowest), *foot])
 
 

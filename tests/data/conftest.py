@@ -39,8 +39,8 @@ def campaign() -> Campaign:
 @pytest.fixture(params=list(rig_files.WRITERS))
 def format(request):
     """Every format that files are imported from, by its name in `rig_files`."""
-    if request.param == "mf4":
-        pytest.importorskip("asammdf", reason="the extra 'mdf' is not installed")
+    if package := rig_files.PACKAGES.get(request.param):
+        pytest.importorskip(package, reason=f"{package}, which an extra installs, is not here")
     return request.param
 
 

@@ -21,8 +21,8 @@ from mofit.data.importers.registry import ImportLimits
 from mofit.data.importers.table import read_table
 from mofit.errors import InputError
 
-#: without the extra 'mdf' the others are damaged all the same
-FORMATS = [name for name in rig_files.WRITERS if name != "mf4" or find_spec("asammdf")]
+#: without the extras the others are damaged all the same
+FORMATS = [name for name in rig_files.WRITERS if find_spec(rig_files.PACKAGES.get(name, "numpy"))]
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +100,27 @@ def test_garbage(tmp_path, sound, reader, format, content):
 def test_tables_of_adversarial_cells(tmp_path, sound, reader, cells):
     name, content, text = sound("csv")
     rows = [";".join(row).encode() for row in cells]
+    import_one(tmp_path, name, b"\n".join([*content.splitlines()[:2], *rows]), text, reader)
+
+
+@FEW
+@given(
+    stamps=st.lists(
+        st.sampled_from(["0", "1", "1", "2", "2.5", "1e9", "-2e308", "nan", "", "x", "1e-320", "1e99"])
+        | st.floats(0, 100).map(repr),
+        min_size=1,
+        max_size=60,
+    ),
+    ordered=st.booleans(),
+    rate=st.sampled_from(["1 Hz", "3.3 Hz", "1e-9 Hz", "1e9 Hz", "50 Hz"]),
+    values=st.lists(st.sampled_from(["1", "2", "-1e99", "1e-320", "nan", "", "1e308"]), min_size=60, max_size=60),
+)
+def test_resampling_of_adversarial_stamps_and_cells(tmp_path, sound, reader, stamps, ordered, rate, values):
+    name, content, text = sound("csv")
+    if ordered:
+        stamps = sorted(stamps, key=lambda stamp: float(stamp) if stamp not in ("", "x", "nan") else 0.0)
+    rows = [";".join([stamp, value, value, "1", "2"]).encode() for stamp, value in zip(stamps, values, strict=False)]
+    text = text.replace('procedure = "sine"', f'procedure = "free"\nresample = "{rate}"')
     import_one(tmp_path, name, b"\n".join([*content.splitlines()[:2], *rows]), text, reader)
 
 

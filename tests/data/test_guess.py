@@ -150,3 +150,29 @@ def test_the_command_guesses_to_a_file_or_to_standard_output(tmp_path, capsys, m
     for arguments in (["import", str(path)], ["import", str(path), "--guess", "--map", "map.toml"]):
         assert main(arguments) == 2
         assert "either --map or --guess" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("spoil", [lambda t: np.insert(t, 9, t[9])[:-1], lambda t: np.where(t > 2, t + 1, t)])
+def test_uneven_stamps_are_proposed_for_resampling(tmp_path, spoil):
+    stamps = spoil(TIME)
+    path = csv(tmp_path, {"t [s]": stamps, "alpha [deg]": np.sin(stamps), "Fy [N]": FORCE})
+    text = propose_map([path])
+    assert tomllib.loads(text)["tests"][0]["resample"] == "100 Hz"
+    (tmp_path / "map.toml").write_text(text)
+    assert all(test.history for test in import_files([path], tmp_path / "map.toml").measurements)
+
+
+def test_records_that_are_alike_are_proposed_as_tests(tmp_path, reader):
+    run = {"t": TIME.tolist(), "x [mm]": ANGLE.tolist(), "F [N]": FORCE.tolist()}
+    rig = {"cold": [run, run], "warm": [run, run], "gain": 2.0, "note.s": "text"}
+    (tmp_path / "a.json").write_text(json.dumps({"rig": rig}))
+    text = propose_map([tmp_path / "a.json"], reader)
+    assert "# 4 records" in text
+    (tmp_path / "map.toml").write_text(text)
+    names = import_files([], tmp_path / "map.toml", reader).tests
+    assert names == ("a_cold_1", "a_cold_2", "a_warm_1", "a_warm_2")
+
+
+def test_stamps_that_are_all_alike_have_no_rate(tmp_path):
+    text = propose_map([csv(tmp_path, {"t [s]": 0 * TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE})])
+    assert "resample" not in text

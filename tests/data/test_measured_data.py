@@ -7,6 +7,7 @@ import pytest
 
 from mofit.data import check_campaign, import_files, read_campaign, write_campaign
 from mofit.data.signals import analyse, smooth_derivative, steady_samples
+from mofit.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "../shared/data"
@@ -101,3 +102,50 @@ def test_silverbox_realisations_and_bursts():
         assert record.periods == 10
         assert record.noise_sd["force"] == pytest.approx(0.27e-3, rel=0.1)
         assert record.noise_sd["displacement"] == pytest.approx(0.3e-3, rel=0.2)
+
+
+def test_battery_records_of_uneven_stamps(tmp_path):
+    campaign = imported("battery_pulses", "battery_pulses")
+    assert len(campaign.tests) == 54
+    for test in campaign.measurements:
+        assert "repeated stamps dropped" in test.history
+        assert test.gaps == 0
+        # 10 s of discharge at 7.5 A, then 10 s of rest
+        assert test.channel("current")[20:80] == pytest.approx(-7.5, abs=0.5)
+        assert test.channel("current")[120:180] == pytest.approx(0, abs=0.1)
+    map_path = tmp_path / "map.toml"
+    text = (ROOT / "data" / "maps" / "battery_pulses.toml").read_text(encoding="utf-8")
+    map_path.write_text(text.replace('resample = "10 Hz"', ""), encoding="utf-8")
+    with pytest.raises(InputError, match=r"test 'SoC9_Cell1', variable 'time': .*resample = '"):
+        import_files([DATA / "battery_pulses"], map_path)
+
+
+def test_tanks():
+    campaign = imported("cascaded_tanks", "cascaded_tanks")
+    assert [len(test.time) for test in campaign.measurements] == [1024, 1024]
+    # the sensor saturates at 10 V
+    assert [int(np.sum(test.channel("level") > 9.99)) for test in campaign.measurements] == [48, 39]
+
+
+def test_friction_damper():
+    campaign = imported("friction_damper", "friction_damper")
+    assert len(campaign.tests) == 9
+    for test in campaign.measurements[:-1]:
+        assert np.ptp(test.channel("displacement")) / 2 == pytest.approx(test.experiment.amplitude, rel=0.05)
+
+
+MASTER_CURVE = """
+title = "A polymer"
+[[tests]]
+name = "master"
+file = "freq_user_master.csv"
+procedure = "free"
+time = { column = "f", unit = "s" }
+channels.E = { column = "E_stor", unit = "MPa", role = "output" }
+"""
+
+
+def test_moduli_over_the_frequency_are_no_record(tmp_path):
+    (tmp_path / "map.toml").write_text(MASTER_CURVE)
+    with pytest.raises(InputError, match=r"variable 'time': "):
+        import_files([DATA / "nrel_dma"], tmp_path / "map.toml")

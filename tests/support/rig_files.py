@@ -1,5 +1,6 @@
 """One rig's record written in every format, by the formats' own libraries."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,45 @@ def write_tydex(path: Path, data):
     path.write_text("\n".join([*lines, "**END", ""]))
 
 
-WRITERS = {"csv": write_csv, "mat": write_mat5, "mat73": write_mat73, "mf4": write_mdf, "tdx": write_tydex}
+def write_json(path: Path, data):
+    path.write_text(json.dumps({name: values.tolist() for name, values in data.items()} | {"note": "a rig"}))
+
+
+def write_parquet(path: Path, data):
+    import pyarrow
+    import pyarrow.parquet
+
+    pyarrow.parquet.write_table(pyarrow.table(data), path)
+
+
+def write_excel(path: Path, data):
+    """Names, units, then rows, below a title."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.active.append(["Rig 7"])
+    book.active.append(list(data))
+    book.active.append([UNITS[name] for name in data])
+    for row in zip(*(values.tolist() for values in data.values()), strict=True):
+        book.active.append(row)
+    book.create_sheet("notes").append(["no numbers here"])
+    book.save(path)
+
+
+WRITERS = {
+    "csv": write_csv,
+    "json": write_json,
+    "mat": write_mat5,
+    "mat73": write_mat73,
+    "mf4": write_mdf,
+    "parquet": write_parquet,
+    "tdx": write_tydex,
+    "xlsx": write_excel,
+}
+#: packages of the extras that write and read a format
+PACKAGES = {"mf4": "asammdf", "parquet": "pyarrow", "xlsx": "openpyxl"}
+#: formats that hold no units
+WITHOUT_UNITS = ("json", "mat", "mat73", "parquet")
 
 
 def write(folder: Path, format: str, data=None) -> Path:
@@ -94,7 +133,7 @@ def map_of(path: Path, format: str) -> str:
     names = TYDEX_NAMES if format == "tdx" else {name: name for name in UNITS}
 
     def entry(name):
-        unit = f', unit = "{UNITS[name]}"' if format in ("mat", "mat73") else ""
+        unit = f', unit = "{UNITS[name]}"' if format in WITHOUT_UNITS else ""
         return f'{{ column = "{names[name]}"{unit} }}'
 
     return f"""

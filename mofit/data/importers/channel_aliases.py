@@ -10,7 +10,27 @@ from mofit.quantities import known_unit
 from mofit.units import UnitError, is_unit, normal, si_unit
 
 #: spellings per quantity, in small letters without signs between; the TYDEX name comes first where there is one
-TIME = ("runtime", "time", "t", "timestamp", "timestamps", "zeit", "elapsedtime", "seconds", "sec", "tsec", "abszeit")
+TIME = (
+    "runtime",
+    "time",
+    "t",
+    "timestamp",
+    "timestamps",
+    "zeit",
+    "elapsedtime",
+    "seconds",
+    "sec",
+    "tsec",
+    "abszeit",
+    "datetime",
+    "date",
+    "clock",
+    "datum",
+    "uhrzeit",
+    "zeitstempel",
+    "datumzeit",
+    "datumuhrzeit",
+)
 _TYRE = {
     "slip_angle": "slipangl slipangle alpha alfa sa slip sideslip sideslipangle schraglaufwinkel schrag α steer "
     "steerangle steeringangle toe",

@@ -16,7 +16,8 @@ class ColumnMap(Strict):
     """A column and its unit: ``value [unit] = scale * column + offset``.
 
     ``scale`` may name a constant of the same file. ``unit`` may be left out where the file has it (MDF, TYDEX, a text
-    table with a line of units).
+    table with a line of units, a clock). A column of another rate has its own ``time`` or ``sample_rate``; then the
+    test needs ``resample``.
     """
 
     column: str | int
@@ -24,14 +25,18 @@ class ColumnMap(Strict):
     role: Literal["input", "output"] | None = None
     scale: float | str = 1.0
     offset: float = 0.0
+    time: ColumnMap | None = None
+    sample_rate: Quantity | None = None
 
 
 class TestMap(Strict):
     """One test, or with ``pattern`` one for every file whose whole name matches.
 
     Named groups of the pattern fill ``{group}`` in the other texts; ``decimal`` is the sign that
-    stands for the decimal point in file names. A condition that is a column is its mean. A record with ``gaps`` is
-    refused, or its ``longest`` stretch without gaps is the test.
+    stands for the decimal point in file names. With ``records`` it is one test for every record inside the file whose
+    whole name matches. A condition that is a column is its mean. With ``resample`` the record is brought to that rate,
+    and every stretch without gaps becomes a test; a gap is longer than ``max_gap``. Without, a record with ``gaps`` is
+    refused. In both cases its ``longest`` stretch may be the only test.
     """
 
     renamed: ClassVar[Mapping[str, str]] = {"hold": "interpolation"}
@@ -40,6 +45,7 @@ class TestMap(Strict):
     procedure: str
     file: str | None = None
     pattern: str | None = None
+    records: str | None = None
     decimal: str = "."
     frequency: Quantity | None = None
     amplitude: Quantity | None = None
@@ -47,7 +53,9 @@ class TestMap(Strict):
     transient: Quantity | None = None
     interpolation: str = ""
     rows: tuple[int, int] | None = None
-    gaps: Literal["refuse", "longest"] = "refuse"
+    gaps: Literal["refuse", "longest"] | None = None
+    max_gap: Quantity | None = None
+    resample: Quantity | None = None
     conditions: dict[str, Quantity | ColumnMap] = Field(default_factory=dict)
     channels: dict[str, ColumnMap] = Field(default_factory=dict)
     time: ColumnMap | None = None
@@ -66,6 +74,8 @@ class TestMap(Strict):
             raise ValueError("give either 'file' or 'pattern'")
         if (self.time is None) == (self.sample_rate is None):
             raise ValueError("give either 'time' or 'sample_rate'")
+        if self.max_gap is not None and self.resample is None:
+            raise ValueError("'max_gap' needs 'resample'")
         return self
 
 

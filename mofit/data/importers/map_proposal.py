@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.data.importers.alike_records import alike_records, record_pattern
 from mofit.data.importers.channel_aliases import FAMILIES, TIME, Family, fits, key, name_and_unit, read_unit
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.registry import known_endings
 from mofit.data.importers.table import Table, read_table, source_files
-from mofit.data.validation import time_issues
+from mofit.data.validation import time_issues, usual_rate
 from mofit.errors import InputError, Issue, collected
 from mofit.quantities import known_unit
 from mofit.runtime.toml import toml_value
@@ -81,13 +82,20 @@ def _name(file: Path) -> str:
 
 
 def _test(file: str, table: Table) -> Iterator[str]:
-    """Lines of one test."""
+    """Lines of one test, or of one per record where the file has several alike."""
+    alike = alike_records(table)
+    table = table.record(alike[0]) if alike else table
     family, channels = _channels(table)
     rows = len(table.column(channels[family.needed[0]].column))
     time = _find(table, "time", TIME, rows)
     driver = channels[family.needed[0]]
     procedure, frequency = _procedure(table, time, driver)
-    yield from ("[[tests]]", f"name = {toml_value(_name(Path(file)))}", f"file = {toml_value(file)}")
+    name = _name(Path(file))
+    pattern, groups = record_pattern(alike)
+    yield from ("[[tests]]", f"name = {toml_value('_'.join([name, *(f'{{{group}}}' for group in groups)]))}")
+    yield f"file = {toml_value(file)}"
+    if alike:
+        yield f"records = {toml_value(pattern)}  # {len(alike)} records; what follows is of the first"
     yield f'procedure = "{procedure}"'
     if frequency:
         yield f'frequency = "{frequency:.4g} Hz"  # from the input; amplitude = "…" may be added'
@@ -95,6 +103,7 @@ def _test(file: str, table: Table) -> Iterator[str]:
         yield 'time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"'
     else:
         yield f"time = {_entry(time)}"
+        yield from _resample(table, time)
         if others := _other_times(table, time):
             yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
     yield from ("", "[tests.channels]", *(f"{name} = {_entry(found)}" for name, found in channels.items()))
@@ -198,6 +207,14 @@ def _procedure(table: Table, time: Guess | None, driver: Guess) -> tuple[str, fl
     design = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
     left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     return ("sine", 1 / period) if np.var(left) < (1 - SINE_SHARE) * np.var(values) else ("free", None)
+
+
+def _resample(table: Table, time: Guess) -> Iterator[str]:
+    """The key that brings uneven stamps to one rate, where it can."""
+    stamps = to_si(table.column(time.column), time.unit, "s")
+    found = time_issues("", stamps)
+    if found and "resample" in found[0].hint and 0 < (rate := usual_rate(stamps)) < np.inf:
+        yield f'resample = "{rate:.4g} Hz"  # the time {_line(found[0].message)}'
 
 
 def _condition(table: Table, name: str, found: Guess) -> str:

@@ -41,6 +41,23 @@ class Table:
             raise InputError.of(f"file '{self.name}'", f"no column '{key}'", did_you_mean(key, names))
         return key
 
+    def records(self) -> list[str]:
+        """What stands before a point of a column's name, in the order of the file: structs, cells, sheets."""
+        found: dict[str, None] = {}
+        for name in self.columns:
+            parts = name.split(".")
+            found |= dict.fromkeys(".".join(parts[:end]) for end in range(1, len(parts)))
+        return list(found)
+
+    def record(self, name: str) -> Table:
+        """The columns of a record by their names inside it, before all others."""
+        inner = {column: column[len(name) + 1 :] for column in self.columns if column.startswith(f"{name}.")}
+        order = {short: column for column, short in inner.items()}
+        order |= {column: column for column in self.columns if column not in inner and column not in order}
+        columns = {short: self.columns[column] for short, column in order.items()}
+        units = {short: self.units[column] for short, column in order.items() if column in self.units}
+        return Table(f"{self.name}, record {name}", columns, units)
+
     def column(self, key: str | int) -> FloatArray:
         """A column by name, or by number from 1; raises as `name_of`."""
         return self.columns[self.name_of(key)]

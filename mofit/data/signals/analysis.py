@@ -14,6 +14,7 @@ from mofit._typing import FloatArray
 from mofit.data.campaign import Measurement
 from mofit.data.signals.periodicity import find_period, overlap_noise, repeat_noise, sine_period
 from mofit.data.signals.smoothing import residual_noise
+from mofit.quantities import SINGLE_EXCITATIONS
 
 #: samples that must repeat, where the record holds less than two periods
 _SHORTEST_OVERLAP = 64
@@ -148,7 +149,7 @@ def find_transient(time: FloatArray, values: FloatArray, period: float) -> tuple
 
 def _period(kind: str, time: FloatArray, drivers: list[FloatArray]) -> float | None:
     """Period of the first driving signal that has one."""
-    if kind == "step":
+    if kind in SINGLE_EXCITATIONS:
         return None
     for values in drivers:
         period = sine_period(time, values) if kind == "sine" else None

@@ -6,10 +6,12 @@ import gzip
 import io
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.data.importers.clock import clock_seconds, is_clock, joined
 from mofit.data.importers.registry import LIMITS, Columns, ImportFormat, ImportLimits
 from mofit.errors import InputError
 from mofit.units import is_unit
@@ -26,7 +28,8 @@ def text_columns(path: Path) -> Columns:
 
     Delimiter (tabulator, semicolon, comma, white space), decimal sign and header lines are found from the first lines;
     lines that begin with ``#`` or ``%`` are skipped. An empty or unreadable cell is NaN. A name that is used twice is
-    followed by its number: ``F (4)``. A second header line is taken for units if all its cells are.
+    followed by its number: ``F (4)``. A second header line is taken for units if all its cells are. A column of date
+    and time becomes seconds since its first row.
 
     Raises
     ------
@@ -37,6 +40,8 @@ def text_columns(path: Path) -> Columns:
 
     where = f"file '{path.name}'"
     lines = [line for line in file_text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
+    if any(joined(line) != line for line in lines[:_LOOK]):
+        lines = [joined(line) for line in lines]
     delimiter, decimal = _dialect(lines[:_LOOK])
     rows = [_split(line, delimiter) for line in lines[:_LOOK]]
     first = next((k for k, row in enumerate(rows) if _numeric(row, decimal)), None)
@@ -57,22 +62,35 @@ def text_columns(path: Path) -> Columns:
         raise InputError.of(where, f"no regular table: {error}", "Give every row the same number of cells") from error
     header = rows[0] if first else []
     columns: dict[str, FloatArray] = {}
+    clocks: dict[str, str] = {}
     for k in frame.columns:
         name = header[k] if k < len(header) else ""
-        cells = frame[k]
-        if decimal != "." and not pd.api.types.is_numeric_dtype(cells):
-            # one cell of text leaves the whole column as text, its decimal signs included
-            cells = cells.map(lambda cell: cell.replace(decimal, ".") if isinstance(cell, str) else cell)
-        try:
-            values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
-        except OverflowError as error:
-            raise InputError.of(where, f"column {k + 1}: {error}", "Correct the cell or cut the row") from error
+        values, is_time = _numbers(f"{where}, column {k + 1}", frame[k], decimal)
         # a delimiter at the end of every line makes a last column without name and numbers
         if name or not np.all(np.isnan(values)):
-            columns[f"{name} ({k + 1})" if name in columns else name or str(k + 1)] = values
+            name = f"{name} ({k + 1})" if name in columns else name or str(k + 1)
+            columns[name] = values
+            clocks |= {name: "s"} if is_time else {}
     given = rows[1] if first > 1 and all(not cell or is_unit(cell) for cell in rows[1]) else []
     units = {name: unit for name, unit in zip(header, given, strict=False) if name in columns and unit}
-    return columns, units
+    return columns, units | clocks
+
+
+def _numbers(where: str, cells: Any, decimal: str) -> tuple[FloatArray, bool]:
+    """Numbers of a column of a data frame, and whether they are the seconds of a clock."""
+    import pandas as pd
+
+    if not pd.api.types.is_numeric_dtype(cells):
+        filled = cells.astype(object).where(cells.notna(), None)
+        if (seconds := clock_seconds(filled)) is not None:
+            return seconds, True
+        if decimal != ".":
+            # one cell of text leaves the whole column as text, its decimal signs included
+            cells = cells.map(lambda cell: cell.replace(decimal, ".") if isinstance(cell, str) else cell)
+    try:
+        return pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float), False
+    except OverflowError as error:
+        raise InputError.of(where, str(error), "Correct the cell or cut the row") from error
 
 
 def file_text(path: Path, limits: ImportLimits = LIMITS) -> str:
@@ -118,9 +136,9 @@ def _split(line: str, delimiter: str | None) -> list[str]:
 
 
 def _numeric(cells: list[str], decimal: str) -> bool:
-    """At least one number, and nothing but numbers and empty cells."""
+    """At least one number, and nothing but numbers, clocks and empty cells."""
     try:
-        return bool([float(cell.replace(decimal, ".")) for cell in cells if cell])
+        return bool([float(cell.replace(decimal, ".")) for cell in cells if cell and not is_clock(cell)])
     except ValueError:
         return False
 
@@ -129,7 +147,8 @@ FORMAT = ImportFormat(
     name="text table",
     versions="any usual delimiter, decimal comma, header or none",
     endings=(".csv", ".txt", ".dat", ".asc", ".tsv"),
-    columns="every column; a name used twice is followed by its number, `F (4)`",
-    units="a second header line, if all its cells are units",
+    columns="every column; a name used twice is followed by its number, `F (4)`; date and time are seconds since the "
+    "first row",
+    units="a second header line, if all its cells are units; a clock has s",
     read=text_columns,
 )

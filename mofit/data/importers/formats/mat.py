@@ -7,18 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from mofit._typing import FloatArray
+from mofit.data.importers.nested import flat_columns
 from mofit.data.importers.registry import LIMITS, Columns, ImportFormat
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 #: places of HDF5's signature: MATLAB writes 512 bytes of its own before it
 _OFFSETS = (0, 512, 1024, 2048)
+#: levels of structs and cells
+_DEEPEST = 8
 
 
 def mat_columns(path: Path) -> Columns:
-    """Numeric vectors and scalars by variable name; fields of a struct as ``struct.field``.
+    """Numeric vectors, scalars and columns of matrices by variable name.
 
-    Text, matrices, cells, complex and empty variables are passed over. MAT files hold no units.
+    Fields of a struct are ``struct.field``; elements of a cell and of a struct array are counted from 1, as the columns
+    of a matrix are: ``runs.2.force``. Text, complex and empty variables are passed over. MAT files hold no units.
 
     Raises
     ------
@@ -29,50 +32,58 @@ def mat_columns(path: Path) -> Columns:
     """
     with path.open("rb") as file:
         start = file.read(_OFFSETS[-1] + len(_HDF5))
-    columns: dict[str, FloatArray] = {}
     if any(start[offset : offset + len(_HDF5)] == _HDF5 for offset in _OFFSETS):
         import h5py
 
         with h5py.File(path, "r") as file:
-            for name, item in file.items():
-                _collect_hdf5(path, _text(name), item, columns)
-        return columns, {}
+            return flat_columns(_hdf5_value(path, file, file, 0))
     # imported here because few campaigns come from MAT files
     from scipy.io import loadmat, whosmat
 
     for _, shape, _ in whosmat(path):
         LIMITS.check(path, int(np.prod([float(n) for n in shape])))
-    for name, value in loadmat(path, squeeze_me=True, struct_as_record=False).items():
-        if not name.startswith("__"):
-            _collect(name, value, columns)
-    return columns, {}
+    variables = loadmat(path, squeeze_me=True, struct_as_record=False)
+    return flat_columns({name: _value(value) for name, value in variables.items() if not name.startswith("__")})
 
 
-def _collect(name: str, value: Any, columns: dict[str, FloatArray]) -> None:
-    for field in getattr(value, "_fieldnames", ()):
-        _collect(f"{name}.{field}", getattr(value, field), columns)
-    array = np.asarray(value)
-    if array.ndim <= 1 and array.size and array.dtype.kind in "fiub":
-        columns[name] = np.atleast_1d(array).astype(float)
+def _value(value: Any) -> Any:
+    """Structs as mappings and cells as lists; they are nested to any depth that scipy has read."""
+    if hasattr(value, "_fieldnames"):
+        return {field: _value(getattr(value, field)) for field in value._fieldnames}
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [_value(inner) for inner in value.ravel(order="F")]
+    return value
 
 
-def _collect_hdf5(path: Path, name: str, item: Any, columns: dict[str, FloatArray], depth: int = 0) -> None:
-    """Structs are groups; ``#refs#`` and the like hold what cells refer to."""
-    if name.startswith("#") or depth > 8:
-        return
+def _hdf5_value(path: Path, file: Any, item: Any, depth: int) -> Any:
+    """The same of an HDF5 item; ``#refs#`` and the like hold what cells refer to."""
+    if depth > _DEEPEST:
+        return None
     if hasattr(item, "items"):
-        for field, inner in item.items():
-            _collect_hdf5(path, f"{name}.{_text(field)}", inner, columns, depth + 1)
-        return
+        fields = {_text(name): inner for name, inner in item.items() if not _text(name).startswith("#")}
+        values = {name: _hdf5_value(path, file, inner, depth + 1) for name, inner in fields.items()}
+        # the fields of a struct array are lists of its elements' values, and do not say that they are cells
+        if fields and all(_refers(inner) and "MATLAB_class" not in inner.attrs for inner in fields.values()):
+            return [dict(zip(values, element, strict=True)) for element in zip(*values.values(), strict=True)]
+        return values
+    if _refers(item):
+        found = [_hdf5_value(path, file, file[reference], depth + 1) for reference in np.ravel(item[()])]
+        return found[0] if len(found) == 1 else found
     kind = item.attrs.get("MATLAB_class", b"double")
-    if kind in (b"char", b"cell") or item.attrs.get("MATLAB_empty", 0) or item.dtype.kind not in "fiub":
-        return
-    if max(item.shape, default=1) != item.size or not item.size:
-        return
+    if kind == b"char" or item.attrs.get("MATLAB_empty", 0) or item.dtype.kind not in "fiub" or not item.size:
+        return None
     if item.size > 1:
-        # a vector that was never stored would be read as zeros of any length
+        # an array that was never stored would be read as zeros of any length
         LIMITS.check(path, item.nbytes if item.id.get_storage_size() else -1)
-    columns[name] = np.atleast_1d(np.squeeze(item[()])).astype(float)
+    # HDF5 has the sides of a matrix in the other order
+    return np.squeeze(item[()]).T
+
+
+def _refers(item: Any) -> bool:
+    """Whether an item holds references to others, as cells and the fields of struct arrays do."""
+    return (
+        getattr(item, "dtype", None) is not None and item.dtype.kind == "O" and item.attrs.get("MATLAB_empty", 0) == 0
+    )
 
 
 def _text(name: str | bytes) -> str:
@@ -84,7 +95,8 @@ FORMAT = ImportFormat(
     name="MAT",
     versions="up to version 7, and 7.3",
     endings=(".mat",),
-    columns="numeric vectors and scalars; fields of a struct as `struct.field`",
+    columns="numeric vectors, scalars and columns of matrices; `struct.field`, elements of a cell or struct array "
+    "counted from 1: `runs.2.force`",
     units="none",
     read=mat_columns,
     contained=True,
