@@ -40,6 +40,17 @@ def over_tests(problem: Problem, values: ArrayLike, outputs: Sequence[Channel] |
     return _arranged(spread, own, own if outputs is None else outputs)
 
 
+def noise_and_range(problem: Problem) -> dict[str, FloatArray]:
+    """Noise, noise floor and peak-to-peak range of every output, as variables of the root."""
+    noise, extent = [], []
+    for test, output in objective_pairs(problem.experiments):
+        name = problem.model.outputs[output].name
+        noise.append(problem.signals[test].noise_sd[name])
+        extent.append(float(np.ptp(problem.measurements[test].channel(name))))
+    found: dict[str, ArrayLike] = {"noise_sd": noise, "noise_floor": problem.noise.floor, "range": extent}
+    return {name: over_tests(problem, values) for name, values in found.items()}
+
+
 def output_signals(
     problem: Problem, values: Sequence[FloatArray], outputs: Sequence[Channel] | None = None, what: str = ""
 ) -> xr.Dataset:

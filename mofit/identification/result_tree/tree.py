@@ -16,14 +16,13 @@ from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
-from mofit.identification.result_tree.outputs import measured_signals, over_tests, test_axes, unit_of
+from mofit.identification.result_tree.outputs import measured_signals, noise_and_range, over_tests, test_axes, unit_of
 from mofit.identification.search_registry import search_descriptions
 from mofit.optimize import hypervolume_history
 from mofit.problem import Problem
 from mofit.quantities import title_of
 from mofit.results import SCHEMA, Signal, axis, group_dataset, parameter_axis, quantity, signal_dataset
 from mofit.runtime.run_directory import configuration_hash
-from mofit.simulation import objective_pairs
 
 #: Evaluations at which the hypervolume is recorded, as shares of all.
 CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -61,11 +60,6 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         float(experiment.time[np.argmax(np.any(seen.weights > 0, axis=1))] - experiment.time[0])
         for experiment, seen in zip(experiments, problem.experiments, strict=True)
     ]
-    noise_sd, extent = [], []
-    for k, index in objective_pairs(problem.experiments):
-        name = outputs[index].name
-        noise_sd.append(problem.signals[k].noise_sd[name])
-        extent.append(float(np.ptp(problem.measurements[k].channel(name))))
     test: dict[str, ArrayLike] = {
         "excitation": [experiment.kind for experiment in experiments],
         "frequency": known([experiment.frequency for experiment in experiments]),
@@ -73,9 +67,7 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
         "period": known([signal.period for signal in problem.signals]),
         "periods": [signal.periods for signal in problem.signals],
         "transient": starts,
-        "noise_sd": over_tests(problem, noise_sd),
-        "noise_floor": over_tests(problem, problem.noise.floor),
-        "range": over_tests(problem, extent),
+        **noise_and_range(problem),
         "weight": over_tests(problem, outcome.weights),
         "gap": problem.noise.gap,
         "effective_samples": over_tests(problem, problem.noise.independent),
