@@ -38,11 +38,11 @@ class Noise:
     """NRMSD of the noise alone, from repeated periods."""
     independent: FloatArray
     """How many residuals are independent; all of them, to begin with."""
-    absorbed: int = 0
-    """Scoped values that are fitted along: each takes a residual's information."""
     gap: float = np.inf
     """NRMSD of what the model misses, common to all objectives; infinite, to begin with: equal weight for every NRMSD²,
     the paper's objective."""
+    absorbed: int = 0
+    """Scoped values that are fitted along: each takes a residual's information."""
 
     @property
     def variance(self) -> FloatArray:
