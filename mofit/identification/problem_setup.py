@@ -15,6 +15,7 @@ from mofit.identification.settings import Settings, free_space
 from mofit.models import Model, find_model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+from mofit.problem.pooling import hyperparameters
 from mofit.simulation import measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
@@ -44,7 +45,8 @@ class ProblemSetup:
         if not free:
             message = "fixes every parameter of the search; the calibration stages estimate the others"
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
-        fixed = {**known, **self.settings.fixed}
+        means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
+        fixed = {**known, **self.settings.fixed, **means}
         space = ParameterSpace((*self.space.subset(free).parameters, *self.scoped.parameters))
         return build_problem(self.model, self.campaign, space=space, fixed=fixed, jobs=self.settings.jobs)
 
@@ -54,7 +56,8 @@ class ProblemSetup:
         joint, prior = self.settings.joint, FLAT
         if self.calibrations and not joint:
             prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations])
-        main = self.searched.with_free(self.space, self.settings.fixed, prior)
+        space = ParameterSpace((*self.space.parameters, *hyperparameters(self.scoped)))
+        main = self.searched.with_free(space, self.settings.fixed, prior)
         if joint and self.calibrations:
             return JointProblem(main, tuple(calibration.problem for calibration in self.calibrations))
         return main

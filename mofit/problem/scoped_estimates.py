@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.problem.problem import Problem
-from mofit.problem.score_covariance import scatter
 from mofit.simulation.scoped_simulator import ScopedSimulator
 
 
@@ -29,27 +28,6 @@ class ScopedEstimates:
     """What each value belongs to: a test or a condition with its value, (T, L)."""
 
 
-def inner_covariance(problem: Problem, simulator: ScopedSimulator, point: FloatArray) -> FloatArray:
-    r"""Covariance :math:`N^{-1} J N^{-1}` of the scoped values of every group at fixed shared ones, (G, m, m).
-
-    In unit coordinates, at a point (d,); J is the covariance of the gradient by noise and gap (`score_covariance`).
-    """
-    p = problem.layout.full(point[None])
-    best = simulator.best(p)
-    slope = simulator.scopes.space.derivative(best.values[0][:, simulator.columns])  # (T, L)
-    responses = (
-        (values[..., 0], values[..., 1:] * own) for values, own in zip(simulator.scoped_slopes(p), slope, strict=True)
-    )
-    gap = problem.score(point).gap_squares
-    parts = scatter(problem.experiments, problem.periods, problem.noise.weights, responses, gap)
-    summed = best.unknowns.summed_matrices(simulator.objective_tests, parts[None])[0]
-    held = best.held()[0]
-    summed[held] = 0.0
-    summed.swapaxes(-1, -2)[held] = 0.0
-    inverse = np.linalg.inv(best.normal[0])
-    return np.asarray(inverse @ summed @ inverse)
-
-
 def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray) -> ScopedEstimates | None:
     """Scoped values at a point (d,) with posterior covariance (d, d), both in unit coordinates; None without any."""
     simulator = problem.simulator
@@ -57,7 +35,7 @@ def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray
         return None
     p = problem.layout.full(point[None])
     space, best = simulator.scopes.space, simulator.best(p)
-    own = inner_covariance(problem, simulator, point)
+    own = problem.scoped_covariance(point)
     variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0]
     values = best.values[0][:, simulator.columns]
     # D by unit coordinates of the shared parameters
