@@ -14,6 +14,7 @@ from mofit.problem.objectives import first_noise
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.problem import TOLERANCE, Problem
 from mofit.simulation import Simulator, experiment_data, first_input, measured_outputs, require
+from mofit.simulation.requirements import undriven
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import Scopes, scoped
 
@@ -56,8 +57,13 @@ def build_problem(
     require(model, campaign)
     shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
     layout = ParameterLayout.of_model(model.parameters, shared, fixed)
-    excitation, tests = first_input(model), campaign.measurements
-    signals = tuple(analyse(test, excitation, measured_outputs(model, test)[0]) for test in tests)
+    tests = campaign.measurements
+    signals = tuple(
+        analyse(
+            test, None if undriven(model, test.experiment) else first_input(model), measured_outputs(model, test)[0]
+        )
+        for test in tests
+    )
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
         for measurement, analysis in zip(tests, signals, strict=True)
