@@ -96,7 +96,7 @@ class ScopedSimulator(Simulator):
         every = (*free, *names)
         super().__init__(system, experiments, every, jobs=jobs, tolerance=tolerance, box=self._whole(box))
         self.free = tuple(free)
-        self._inner = Scheduler(system, names, jobs)
+        self._inner = Scheduler(system, names, jobs, fixed_per_lane=True)
         self._stiff = changes_stiffness(system, names)
         self._search = _SEARCHED
         self._known: OrderedDict[bytes, Best] = OrderedDict()
