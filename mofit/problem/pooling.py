@@ -106,6 +106,28 @@ class Pooling:
         hessian += 0.5 * np.einsum("ngia,ngij,ngjb->nab", width, inverse**2, width)
         return value, gradient, hessian
 
+    def shrunk(
+        self, simulator: ScopedSimulator, p: FloatArray, space: ParameterSpace, u: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Scoped values z and their variances given the normals, (G, m) each, at one point u (1, d), set p (1, np).
+
+        Each is drawn towards the mean as far as it is less certain than the spread.
+        """
+        own, unknowns = simulator.scopes.space, simulator.best(p).unknowns
+        mean, spread, _ = self._normals(own, space, space.from_unit(u))
+        which = unknowns.parameter
+        mask = unknowns.used & np.array([one.pooled for one in own.parameters])[which]
+        used = unknowns.used[:, :, None] & unknowns.used[:, None, :]
+        own_precision = np.linalg.inv(np.where(used, self.covariance, 0.0) + 1e-300 * np.eye(mask.shape[1]))
+        drawn = np.where(mask, 1 / spread[0][which] ** 2, 0.0)
+        most = np.arange(mask.shape[1])
+        total = own_precision.copy()
+        total[:, most, most] += drawn
+        covariance = np.linalg.inv(total)
+        z = scaled_values(simulator, p)[0][0]
+        towards = np.einsum("gij,gj->gi", own_precision, z) + drawn * mean[0][which]
+        return np.einsum("gij,gj->gi", covariance, towards), np.diagonal(covariance, axis1=1, axis2=2)
+
     @staticmethod
     def _normals(
         own: ParameterSpace, space: ParameterSpace, values: FloatArray

@@ -35,18 +35,26 @@ def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray
         return None
     p = problem.layout.full(point[None])
     space, best = simulator.scopes.space, simulator.best(p)
-    own = problem.scoped_covariance(point)
-    variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0]
     values = best.values[0][:, simulator.columns]
+    if problem.pooling is None:
+        own = problem.scoped_covariance(point)
+        variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0] * space.derivative(values) ** 2
+    else:
+        z, own = problem.pooling.shrunk(simulator, p, problem.space, point[None])
+        log = np.array([one.scale == "log" for one in space.parameters])
+        values = best.unknowns.by_test(z[None])[0]
+        values = np.where(log, np.exp(np.where(log, values, 0.0)), values)
+        variance = best.unknowns.by_test(own[None])[0] * np.where(log, values, 1.0) ** 2
     # D by unit coordinates of the shared parameters
-    slopes = simulator.slopes(p)[0] * problem.space.derivative(problem.space.from_unit(point))
-    shared = np.einsum("tlf,fg,tlg->tl", slopes, covariance, slopes)
+    count = len(simulator.free)
+    slopes = simulator.slopes(p)[0] * problem.space.derivative(problem.space.from_unit(point))[:count]
+    shared = np.einsum("tlf,fg,tlg->tl", slopes, covariance[:count, :count], slopes)
     unit = best.unknowns.by_test(best.unit)[0]
     tests = problem.tests
     return ScopedEstimates(
         space=space,
         values=values,
-        sd=np.sqrt(variance * space.derivative(values) ** 2 + shared),
+        sd=np.sqrt(variance + shared),
         at_bound=(unit >= 1).astype(np.int64) - (unit <= 0),
         labels=tuple(simulator.scopes.labels[test] for test in tests),
     )

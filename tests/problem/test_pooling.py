@@ -10,6 +10,7 @@ from mofit.identification.settings import Settings
 from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
 from mofit.models import Channel, Equations, Model
 from mofit.parameters import Parameter
+from mofit.problem.scoped_estimates import scoped_estimates
 
 NOISE, SPREAD, MEAN, SLOPE, TESTS, SAMPLES = 0.5, 2.0, 3.0, 1.5, 12, 400
 
@@ -85,3 +86,17 @@ def test_mean_and_spread_are_found_and_sampled() -> None:
     assert draws[:, 1].std() == pytest.approx(np.std(offsets) / np.sqrt(TESTS), rel=0.4)
     assert np.median(draws[:, 2]) == pytest.approx(np.std(offsets), rel=0.25)
     assert draws[:, 0].mean() == pytest.approx(SLOPE, abs=4 * NOISE / np.sqrt(TESTS * SAMPLES))
+
+
+def test_pooled_estimates_are_drawn_towards_the_mean() -> None:
+    setup = set_up_problem(Offset(), campaign(4), SETTINGS)
+    space = setup.posterior.space
+    point = space.to_unit([SLOPE, MEAN, 0.05])
+    problem = setup.posterior.with_noise_at(point)
+    estimates = scoped_estimates(problem, point, np.diag([1e-12, 1e-12, 1e-12]))
+    assert estimates is not None
+    own = np.array([float(np.mean(m.channel("y") - SLOPE * m.channel("x"))) for m in campaign(4).measurements])
+    variance = problem.pooling.covariance[:, 0, 0]
+    share = 0.05**2 / (0.05**2 + variance)
+    assert estimates.values[:, 0] == pytest.approx(MEAN + share * (own - MEAN), abs=1e-4)
+    assert estimates.sd[:, 0] == pytest.approx(np.sqrt(share * variance), rel=1e-3)
