@@ -7,7 +7,7 @@ they enter linearly), integrating over the true ones leaves
           V_g = C_g + \operatorname{diag}(\tau^2)
 
 with mean :math:`\mu` and spread :math:`\tau`, which are free parameters. z is the value, or its logarithm where the
-parameter's scale is logarithmic.
+parameter's scale is logarithmic. Around a point z changes linearly with the free parameters, and C is that there.
 
 References
 ----------
@@ -19,10 +19,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.parameters import PER_CAMPAIGN, Parameter, ParameterSpace
-from mofit.simulation.scoped_simulator import Best, ScopedSimulator
+from mofit.simulation.scoped_simulator import ScopedSimulator
+from mofit.simulation.scopes import Unknowns
 
 #: smallest spread that is searched, as a share of the range of the values
 _LEAST = 1e-4
@@ -55,41 +57,64 @@ def hyperparameters(space: ParameterSpace) -> tuple[Parameter, ...]:
 
 @dataclass(frozen=True)
 class Pooling:
-    """The normals of the pooled parameters."""
+    """The normals of the pooled parameters, with what the data say of each value around a point of the free ones."""
 
+    own: ParameterSpace
+    """The scoped parameters, L."""
+    unknowns: Unknowns
+    z: FloatArray
+    """Best values z of every group at the point, (G, m)."""
     covariance: FloatArray
-    """C of every group in z, (G, m, m); places of values that are not pooled are not read."""
+    """C of every group, (G, m, m); places of values that are not pooled are not read."""
+    point: FloatArray
+    """In unit coordinates, (d,)."""
+    slopes: FloatArray
+    """Derivatives of z by the unit coordinates, (G, m, d)."""
 
     @classmethod
-    def of(cls, covariance: FloatArray, simulator: ScopedSimulator, best: Best) -> Pooling:
-        """From the covariance of the scoped values in unit coordinates, (G, m, m), at the first set of ``best``."""
-        own, unknowns = simulator.scopes.space, best.unknowns
-        values = best.values[0][unknowns.first_test, simulator.columns[unknowns.parameter]]
-        log = np.array([one.scale == "log" for one in own.parameters])[unknowns.parameter]
-        by_test = own.derivative(best.values[0][:, simulator.columns])
-        width = by_test[unknowns.first_test, unknowns.parameter] / np.where(log, values, 1.0)
-        return cls(covariance * width[:, :, None] * width[:, None, :])
+    def of(
+        cls, simulator: ScopedSimulator, p: FloatArray, covariance: FloatArray, space: ParameterSpace, point: FloatArray
+    ) -> Pooling:
+        """Around a point (d,) whose set is p (1, np); covariance (G, m, m) in unit coordinates of the scoped values."""
+        own, best, count = simulator.scopes.space, simulator.best(p), len(simulator.free)
+        test, which = best.unknowns.first_test, best.unknowns.parameter
+        by_test = best.values[0][:, simulator.columns]
+        values, width = by_test[test, which], own.derivative(by_test)[test, which]
+        log = np.array([one.scale == "log" for one in own.parameters])[which]
+        rate = 1 / np.where(log, values, 1.0)  # d z / d value
+        slopes = np.zeros((*values.shape, len(space)))
+        free = space.derivative(space.from_unit(point))[:count]
+        slopes[..., :count] = simulator.slopes(p)[0, test, which] * rate[..., None] * free
+        unit = width * rate
+        return cls(
+            own=own,
+            unknowns=best.unknowns,
+            z=np.where(log, np.log(np.where(log, values, 1.0)), values),
+            covariance=covariance * unit[:, :, None] * unit[:, None, :],
+            point=point,
+            slopes=slopes,
+        )
 
-    def terms(
-        self, simulator: ScopedSimulator, p: FloatArray, space: ParameterSpace, u: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """-log p (N,), gradient (N, d) and Gauss-Newton Hessian (N, d, d) at points u (N, d), sets p (N, np)."""
-        own, unknowns = simulator.scopes.space, simulator.best(p).unknowns
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which places are pooled, (G, m)."""
+        return self.unknowns.used & np.array([one.pooled for one in self.own.parameters])[self.unknowns.parameter]
+
+    def terms(self, space: ParameterSpace, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """-log p (N,), gradient (N, d) and Gauss-Newton Hessian (N, d, d) at points u (N, d)."""
         values = space.from_unit(u)
         slope = space.derivative(values)
-        mean, spread, rate = self._normals(own, space, values)
-        pooled = np.array([one.pooled for one in own.parameters])
-        mask, which = unknowns.used & pooled[unknowns.parameter], unknowns.parameter
-        z, dz = scaled_values(simulator, p)
+        mean, spread, rate = self._normals(space, values)
+        mask, which = self.mask, self.unknowns.parameter
+        z = self.z + np.einsum("gmd,nd->ngm", self.slopes, u - self.point)
         rest = np.where(mask, z - mean[:, which], 0.0)  # (N, G, m)
-        jacobian = np.zeros((*rest.shape, len(space)))
-        jacobian[..., : dz.shape[-1]] = dz * slope[:, None, None, : dz.shape[-1]]
+        jacobian = np.tile(self.slopes, (len(u), 1, 1, 1))
         scatter = np.where(mask[:, :, None] & mask[:, None, :], self.covariance, 0.0)
         width = np.zeros_like(jacobian)  # d V_ii / d u
         most = np.arange(rest.shape[-1])
         total = np.tile(scatter, (len(u), 1, 1, 1))
         total[..., most, most] += np.where(mask, spread[:, which] ** 2, 1.0)
-        for column, parameter in enumerate(own.parameters):
+        for column, parameter in enumerate(self.own.parameters):
             if parameter.pooled:
                 at = mask & (which == column)
                 first, second = space.index(mean_name(parameter.name)), space.index(spread_name(parameter.name))
@@ -106,49 +131,32 @@ class Pooling:
         hessian += 0.5 * np.einsum("ngia,ngij,ngjb->nab", width, inverse**2, width)
         return value, gradient, hessian
 
-    def shrunk(
-        self, simulator: ScopedSimulator, p: FloatArray, space: ParameterSpace, u: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Scoped values z and their variances given the normals, (G, m) each, at one point u (1, d), set p (1, np).
+    def shrunk(self, space: ParameterSpace) -> tuple[FloatArray, FloatArray]:
+        """Scoped values z and their variances given the normals at the point, (G, m) each.
 
         Each is drawn towards the mean as far as it is less certain than the spread.
         """
-        own, unknowns = simulator.scopes.space, simulator.best(p).unknowns
-        mean, spread, _ = self._normals(own, space, space.from_unit(u))
-        which = unknowns.parameter
-        mask = unknowns.used & np.array([one.pooled for one in own.parameters])[which]
-        used = unknowns.used[:, :, None] & unknowns.used[:, None, :]
-        own_precision = np.linalg.inv(np.where(used, self.covariance, 0.0) + 1e-300 * np.eye(mask.shape[1]))
-        drawn = np.where(mask, 1 / spread[0][which] ** 2, 0.0)
-        most = np.arange(mask.shape[1])
-        total = own_precision.copy()
+        mean, spread, _ = self._normals(space, space.from_unit(self.point[None]))
+        which, used = self.unknowns.parameter, self.unknowns.used
+        data = np.where(used[:, :, None] & used[:, None, :], self.covariance, 0.0)
+        most = np.arange(used.shape[1])
+        data[:, most, most] += np.where(used, 0.0, 1.0)
+        precision = np.linalg.inv(data)
+        drawn = np.where(self.mask, 1 / spread[0][which] ** 2, 0.0)
+        total = precision.copy()
         total[:, most, most] += drawn
         covariance = np.linalg.inv(total)
-        z = scaled_values(simulator, p)[0][0]
-        towards = np.einsum("gij,gj->gi", own_precision, z) + drawn * mean[0][which]
+        towards = np.einsum("gij,gj->gi", precision, self.z) + drawn * mean[0][which]
         return np.einsum("gij,gj->gi", covariance, towards), np.diagonal(covariance, axis1=1, axis2=2)
 
-    @staticmethod
-    def _normals(
-        own: ParameterSpace, space: ParameterSpace, values: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _normals(self, space: ParameterSpace, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean in z, spread and d mean / d value of every scoped parameter, (N, L) each."""
-        mean, spread = np.zeros((len(values), len(own))), np.ones((len(values), len(own)))
+        mean, spread = np.zeros((len(values), len(self.own))), np.ones((len(values), len(self.own)))
         rate = np.ones_like(mean)
-        for column, one in enumerate(own.parameters):
+        for column, one in enumerate(self.own.parameters):
             if one.pooled:
                 centre = values[:, space.index(mean_name(one.name))]
                 spread[:, column] = values[:, space.index(spread_name(one.name))]
                 mean[:, column] = np.log(centre) if one.scale == "log" else centre
                 rate[:, column] = 1 / centre if one.scale == "log" else 1.0
         return mean, spread, rate
-
-
-def scaled_values(simulator: ScopedSimulator, p: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The scoped values z (N, G, m) at sets p (N, np), and their derivatives by the free ones (N, G, m, nf)."""
-    best = simulator.best(p)
-    test, which = best.unknowns.first_test, best.unknowns.parameter
-    values = best.values[:, test, simulator.columns[which]]
-    slopes = simulator.slopes(p)[:, test, which]
-    log = np.array([one.scale == "log" for one in simulator.scopes.space.parameters])[which]
-    return np.where(log, np.log(np.where(log, values, 1.0)), values), slopes / np.where(log, values, 1.0)[..., None]

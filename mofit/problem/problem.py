@@ -130,9 +130,9 @@ class Problem:
         prior = self.prior_density
         value, gradient = prior.value(u), prior.gradient(u)
         hessian = np.tile(prior.precision, (len(u), 1, 1))
-        if self.pooling is None or not isinstance(self.simulator, ScopedSimulator):
+        if self.pooling is None:
             return value, gradient, hessian
-        more = self.pooling.terms(self.simulator, self.layout.full(u), self.space, u)
+        more = self.pooling.terms(self.space, u)
         return value + more[0], gradient + more[1], hessian + more[2]
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
@@ -183,7 +183,7 @@ class Problem:
         """The problem with its noise as seen at one point u (d,)."""
         independent = independent_residuals(self.experiments, [output[0] for output in self.simulate(u[None])])
         found = self.with_noise(self.noise.at(self.objectives(u[None])[0], independent))
-        return found if len(found.space) == len(found.simulator.free) else found._pooled_at(u)
+        return found.pooled_at(u)
 
     def scoped_covariance(self, u: FloatArray) -> FloatArray:
         """Covariance of the scoped values in unit coordinates at a point u (d,), (G, m, m)."""
@@ -191,11 +191,13 @@ class Problem:
         p, gap = self.layout.full(u[None]), self.score(u).gap_squares
         return scoped_covariance(self.simulator, p, self.periods, self.noise.weights, gap)
 
-    def _pooled_at(self, u: FloatArray) -> Problem:
-        """With the normals of pooled parameters, whose values are as uncertain as at a point u (d,)."""
+    def pooled_at(self, u: FloatArray) -> Problem:
+        """With the normals of pooled parameters around a point u (d,), if there are any."""
+        if len(self.space) == len(self.simulator.free):
+            return self
         assert isinstance(self.simulator, ScopedSimulator)
-        best = self.simulator.best(self.layout.full(u[None]))
-        return replace(self, pooling=Pooling.of(self.scoped_covariance(u), self.simulator, best))
+        p = self.layout.full(u[None])
+        return replace(self, pooling=Pooling.of(self.simulator, p, self.scoped_covariance(u), self.space, u))
 
     def with_noise(self, noise: Noise) -> Problem:
         """The problem with another view of its noise."""
@@ -228,8 +230,11 @@ class Problem:
         reach = REACH * sd
         box = self.layout.box(np.clip([points.min(axis=0) - reach, points.max(axis=0) + reach], 0.0, 1.0))
         tolerance = float(np.clip(NOISE_SHARE * np.sqrt(self.noise.variance.min()), TIGHTEST, TOLERANCE))
-        simulator = self.simulator.within(box, tolerance)
-        return replace(self, simulator=simulator.around(self.layout.full(points)) if len(points) == 1 else simulator)
+        found = replace(self, simulator=self.simulator.within(box, tolerance))
+        if len(points) > 1:
+            return found
+        found = replace(found, simulator=found.simulator.around(self.layout.full(points)))
+        return found if self.pooling is None else found.pooled_at(points[0])
 
     def local(self, point: FloatArray, sd: FloatArray) -> Problem:
         """The same problem, as quick to simulate around a point (d,) as the tolerance allows.

@@ -40,7 +40,7 @@ def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray
         own = problem.scoped_covariance(point)
         variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0] * space.derivative(values) ** 2
     else:
-        z, own = problem.pooling.shrunk(simulator, p, problem.space, point[None])
+        z, own = problem.pooled_at(point).pooling.shrunk(problem.space)  # type: ignore[union-attr]
         log = np.array([one.scale == "log" for one in space.parameters])
         values = best.unknowns.by_test(z[None])[0]
         values = np.where(log, np.exp(np.where(log, values, 0.0)), values)
