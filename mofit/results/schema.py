@@ -26,6 +26,7 @@ AXES = {
     "chain": "independent ensemble of walkers",
     "draw": "draw from the posterior within its ensemble",
     "checkpoint": "evaluations of the search so far",
+    "record": "predicted test",
 }
 
 
@@ -212,8 +213,36 @@ _CALIBRATION = Group(
     },
     ("model", "tests"),
 )
+#: predicted tests; a prediction file (``mofit.prediction/1``) has the same at its root
+_HELD_OUT = Group(
+    {
+        "role": Variable("record", "1", "whether it was fitted, held out or is new"),
+        "scored_from": Variable("record", "s", "time at the start that is not scored"),
+        "nrmsd": Variable("record [output]", "1", "NRMSD of the median"),
+        "rms": Variable("record [output]", "", "root mean square error of the median"),
+        "coverage": Variable("record [output]", "1", "share of the scored samples in the 90 % band"),
+        "range": Variable("record [output]", "", "peak-to-peak of the median"),
+        "parameter_sd": Variable("record [output]", "", "part of the parameters: spread over the draws"),
+        "noise_sd": Variable("record [output]", "", "part of the noise: standard deviation"),
+        "model_error": Variable("record [output]", "", "part of the model: gap times range"),
+    },
+    ("draws", "spread", "gap", "noise", "scoped"),
+)
+_RECORD = Group(
+    {
+        "input": Variable("time", "", "", required=False),
+        "median": Variable("time [output]", "", "median of the prediction"),
+        "parameter_low": Variable("time [output]", "", "5 % quantile by the parameters alone"),
+        "parameter_high": Variable("time [output]", "", "95 % quantile by the parameters alone"),
+        "low": Variable("time [output]", "", "5 % quantile of a new measurement"),
+        "high": Variable("time [output]", "", "95 % quantile of a new measurement"),
+        "measured": Variable("time [output]", "", "measured output"),
+        "residual": Variable("time [output]", "", "measured minus median"),
+        "scored": Variable("time [output]", "1", "1 where it is scored"),
+    }
+)
 
-#: every group by its path; ``*`` is the name of a mode or of a calibration stage
+#: every group by its path; ``*`` is the name of a mode, of a calibration stage or of a predicted test
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
     "/parameters": _PARAMETERS,
@@ -229,6 +258,8 @@ GROUPS: Mapping[str, Group] = {
     "/modes/*/sample_stats": _SAMPLE_STATS,
     "/mixture": _MIXTURE,
     "/mixture/sample_stats": Group({"mode": Variable("chain draw", "1", "number of the mode: 2 is m2")}),
+    "/held_out": _HELD_OUT,
+    "/held_out/*": _RECORD,
     "/observed_data": Group(required=True),
     "/constant_data": Group(required=True),
 }
@@ -237,6 +268,6 @@ GROUPS: Mapping[str, Group] = {
 def group_at(path: str) -> tuple[Group, str]:
     """The group of a path, and the name of its mode or stage; an unknown group is empty."""
     parts = path.strip("/").split("/")
-    name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
+    name = parts[1] if parts[0] in ("modes", "calibration", "held_out") and len(parts) > 1 else ""
     key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
     return GROUPS.get(key, Group()), name
