@@ -120,9 +120,7 @@ class Identified:
         if not fitted:
             return Simulator(self.system, [experiment], (), jobs=self.jobs, tolerance=TOLERANCE, box=box)
         scopes = Scopes.of(ParameterSpace(tuple(fitted)), [measurement])
-        return ScopedSimulator(
-            self.system, [experiment], (), scopes, jobs=self.jobs, tolerance=TOLERANCE, box=box
-        )
+        return ScopedSimulator(self.system, [experiment], (), scopes, jobs=self.jobs, tolerance=TOLERANCE, box=box)
 
 
 #: What is known of a record without an output: it is not scored.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
@@ -14,7 +14,6 @@ from mofit import __version__
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.models import Model
-from mofit.prediction.band import Band
 from mofit.prediction.records import FITTED, Prediction
 from mofit.prediction.transfer import transferred
 from mofit.quantities import title_of
@@ -86,7 +85,9 @@ def _attributes(tree: xr.DataTree, model: Model, predictions: Sequence[Predictio
         for channel, own in zip(model.outputs, known.noise, strict=True)
     }
     scoped = {
-        one.measurement.name: {own.parameter.name: own.source for own in one.scoped} for one in predictions if one.scoped
+        one.measurement.name: {own.parameter.name: own.source for own in one.scoped}
+        for one in predictions
+        if one.scoped
     }
     modes = tree["modes"].children.values()
     return {
@@ -99,17 +100,16 @@ def _attributes(tree: xr.DataTree, model: Model, predictions: Sequence[Predictio
 
 
 def _signals(one: Prediction, model: Model, outputs: dict[str, xr.Variable], unit: str) -> xr.Dataset:
-    def stacked(of: Callable[[Band], FloatArray]) -> FloatArray:
-        found = np.stack([of(own) for own in one.bands], axis=-1)
-        return found if outputs else found[:, 0]
+    def signal(values: FloatArray) -> FloatArray:
+        return values if outputs else values[:, 0]
 
-    def as_signal(values: ArrayLike) -> FloatArray:
-        return np.asarray(values if outputs else np.asarray(values)[:, 0])
-
-    values: dict[str, ArrayLike] = {name: stacked(lambda own, name=name: getattr(own, name)) for name in _SIGNALS}
-    measured = as_signal(one.measured)
-    values |= {"measured": measured, "residual": measured - values["median"]}
-    values["scored"] = as_signal(one.scored.astype(np.int8))
+    found = {name: np.stack([getattr(own, name) for own in one.bands], axis=-1) for name in _SIGNALS}
+    found |= {
+        "measured": one.measured,
+        "residual": one.measured - found["median"],
+        "scored": one.scored.astype(np.int8),
+    }
+    values: dict[str, ArrayLike] = {name: signal(own) for name, own in found.items()}
     units = dict.fromkeys((*_SIGNALS, "measured", "residual"), unit)
     titles = {}
     source = first_input(model)

@@ -16,14 +16,6 @@ from mofit.simulation.scopes import Scopes
 
 Source = Literal["identified", "fitted", "mean", "nominal"]
 
-#: What a reader is told of a source.
-TOLD: Mapping[str, str] = {
-    "identified": "identified under this condition",
-    "fitted": "fitted to this record",
-    "mean": "mean of the identified values, with their spread",
-    "nominal": "nominal value, without a spread",
-}
-
 
 @dataclass(frozen=True)
 class ScopedValue:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import partial
+
+from mofit.results.layout import OWN_UNIT, Group, Variable
+from mofit.results.layout import optional as _optional
+from mofit.results.prediction_schema import HELD_OUT, RECORD
 
 SCHEMA = "mofit.result/2"
 EARLIER = ("mofit.result/1",)
-
-#: units of a variable over parameters: each has its own, which the coordinate ``unit`` beside it names
-OWN_UNIT = "as unit"
-
-#: the same of a variable over outputs: the coordinate ``output_unit`` names them
-OUTPUT_UNIT = "as output_unit"
 
 #: what the labels along a dimension are
 AXES = {
@@ -28,45 +24,6 @@ AXES = {
     "checkpoint": "evaluations of the search so far",
     "record": "predicted test",
 }
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A variable of a group.
-
-    Parameters
-    ----------
-    dims
-        Names of the dimensions, separated by spaces; ``{stage}`` is the name of a calibration stage, and ``[output]``
-        is there only where the model has several outputs.
-    units
-        SI unit, ``"1"`` without one; empty where it depends on the model or the campaign.
-    long_name
-        What it is, in a few words; empty where it depends on the model.
-    required
-        Whether a result without it is refused; of a group that is there.
-    """
-
-    dims: str
-    units: str
-    long_name: str
-    required: bool = True
-
-    def over(self, stage: str, several: bool) -> tuple[str, ...]:
-        """Its dimensions in a group of a stage, of a model with one output or with ``several``."""
-        return tuple(self.dims.format(stage=stage).replace("[output]", "output" if several else "").split())
-
-
-_optional = partial(Variable, required=False)
-
-
-@dataclass(frozen=True)
-class Group:
-    """Variables of a group by name, its required attributes, and whether every result has it."""
-
-    variables: Mapping[str, Variable] = field(default_factory=dict)
-    attributes: tuple[str, ...] = ()
-    required: bool = False
 
 
 #: attributes of the root that hold JSON
@@ -213,35 +170,6 @@ _CALIBRATION = Group(
     },
     ("model", "tests"),
 )
-#: predicted tests; a prediction file (``mofit.prediction/1``) has the same at its root
-_HELD_OUT = Group(
-    {
-        "role": Variable("record", "1", "whether it was fitted, held out or is new"),
-        "scored_from": Variable("record", "s", "time at the start that is not scored"),
-        "nrmsd": Variable("record [output]", "1", "NRMSD of the median"),
-        "rms": Variable("record [output]", "", "root mean square error of the median"),
-        "coverage": Variable("record [output]", "1", "share of the scored samples in the 90 % band"),
-        "range": Variable("record [output]", "", "peak-to-peak of the median"),
-        "parameter_sd": Variable("record [output]", "", "part of the parameters: spread over the draws"),
-        "noise_sd": Variable("record [output]", "", "part of the noise: standard deviation"),
-        "model_error": Variable("record [output]", "", "part of the model: gap times range"),
-    },
-    ("draws", "spread", "gap", "noise", "scoped"),
-)
-_RECORD = Group(
-    {
-        "input": Variable("time", "", "", required=False),
-        "median": Variable("time [output]", "", "median of the prediction"),
-        "parameter_low": Variable("time [output]", "", "5 % quantile by the parameters alone"),
-        "parameter_high": Variable("time [output]", "", "95 % quantile by the parameters alone"),
-        "low": Variable("time [output]", "", "5 % quantile of a new measurement"),
-        "high": Variable("time [output]", "", "95 % quantile of a new measurement"),
-        "measured": Variable("time [output]", "", "measured output"),
-        "residual": Variable("time [output]", "", "measured minus median"),
-        "scored": Variable("time [output]", "1", "1 where it is scored"),
-    }
-)
-
 #: every group by its path; ``*`` is the name of a mode, of a calibration stage or of a predicted test
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
@@ -258,8 +186,8 @@ GROUPS: Mapping[str, Group] = {
     "/modes/*/sample_stats": _SAMPLE_STATS,
     "/mixture": _MIXTURE,
     "/mixture/sample_stats": Group({"mode": Variable("chain draw", "1", "number of the mode: 2 is m2")}),
-    "/held_out": _HELD_OUT,
-    "/held_out/*": _RECORD,
+    "/held_out": HELD_OUT,
+    "/held_out/*": RECORD,
     "/observed_data": Group(required=True),
     "/constant_data": Group(required=True),
 }
