@@ -43,17 +43,14 @@ class Predicted:
     high: FloatArray
     measured: FloatArray
 
-    def cut(self, start: int, end: int) -> Predicted:
-        """A part of it."""
-        signals = {key: value[start:end] for key, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return Predicted(self.name, self.unit, **signals)
-
     def detail(self) -> Predicted:
         """The samples around the largest deviation of the median from its mean."""
         n = len(self.time)
         middle = int(np.argmax(np.abs(self.median - self.median.mean())))
         start = min(max(0, middle - _DETAIL // 2), max(0, n - _DETAIL))
-        return self.cut(start, start + _DETAIL)
+        signals = {key: value for key, value in vars(self).items() if isinstance(value, np.ndarray)}
+        cut = {key: value[start : start + _DETAIL] for key, value in signals.items()}
+        return Predicted(f"{self.name}, detail", self.unit, **cut)
 
 
 def extract_predicted(node: xr.DataTree) -> dict[str, list[Predicted]]:

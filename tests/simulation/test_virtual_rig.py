@@ -108,7 +108,7 @@ def test_effects_join_where_they_can(run):
         ("periods = 3", 'periods = 3\nramp_rate = "1 mm/s"', "no use for 'ramp_rate'"),
         ("periods = 3", "period = 3", "Did you mean 'periods'"),
         ('kind = "sine"', 'kind = "sinus"', "Did you mean 'sine'"),
-        ('kind = "sine"', 'kind = "free"', "unknown kind 'free'"),
+        ('kind = "sine"', 'kind = "free"', "free needs 'record'"),
         ('sample_rate = "200 Hz"', 'sample_rate = "-1 Hz"', "not above 0"),
         ('sample_rate = "200 Hz"', "", "missing"),
         ("seed = 1", "", "missing"),
