@@ -90,7 +90,7 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
         console.print(table)
     if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
-    if summary["held_out"]:
+    if summary.get("held_out"):
         console.print(predictions_table(summary["held_out"]["tests"], "Predicted: held out and fitted"))
         for line in scoped_lines(summary["held_out"]["tests"]):
             console.print(line)

@@ -75,7 +75,10 @@ def prediction_groups(tree: xr.DataTree, model: Model, predictions: Sequence[Pre
         PLACE, table, axes, _attributes(tree, model, predictions), units=dict.fromkeys(_TABLE_UNITS, unit)
     )
     shown = [one for one in predictions if one.role != FITTED]
-    return {PLACE: root, **{f"{PLACE}/{one.measurement.name}": _signals(one, model, outputs, unit) for one in shown}}
+    return {
+        PLACE: root,
+        **{f"{PLACE}/tests/{one.measurement.name}": _signals(one, model, outputs, unit) for one in shown},
+    }
 
 
 def _attributes(tree: xr.DataTree, model: Model, predictions: Sequence[Prediction]) -> dict[str, object]:
@@ -120,7 +123,7 @@ def _signals(one: Prediction, model: Model, outputs: dict[str, xr.Variable], uni
         titles["input"] = title_of(source, channel.description if channel.name == source else "")
     time = quantity("time", one.measurement.time, "s", f"time of {one.measurement.name}")
     return group_dataset(
-        f"{PLACE}/{one.measurement.name}", values, {"time": time, **outputs}, units=units, long_names=titles
+        f"{PLACE}/tests/{one.measurement.name}", values, {"time": time, **outputs}, units=units, long_names=titles
     )
 
 

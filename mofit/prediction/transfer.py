@@ -3,7 +3,7 @@ r"""What a run knows of noise and model error, in a form that holds for other re
 The noise of an output is one number: its standard deviation in units, or as a share of the output's range. Which of the
 two transfers to a new record is what differs less between the identified tests; with one test, or where both differ
 alike, it is the standard deviation in units, as of a sensor with noise of its own. The number is the root mean square
-over the tests.
+over the tests. In no test it is more than the residual: what repeats differently from the excitation looks like noise.
 
 The model error is the run's gap: the NRMSD that the model misses in the identified tests beyond their noise. It is
 relative to the range, so that it grows with the output.
@@ -50,6 +50,8 @@ def transferred(tree: xr.DataTree, outputs: tuple[Channel, ...]) -> Transferred:
     """Noise and model error of a run for other records."""
     found = objectives(tree)
     sd, extent = (per_objective(tree, tree.dataset[name]) for name in ("noise_sd", "range"))
+    residual = per_objective(tree, tree["modes/m1"].dataset["nrmsd"]) * extent
+    sd = np.fmin(sd, residual)
     names = [one.name_of_output or outputs[0].name for one in found]
     noise = []
     for channel in outputs:

@@ -56,7 +56,7 @@ class Predicted:
 def extract_predicted(node: xr.DataTree) -> dict[str, list[Predicted]]:
     """Predicted tests of every output by its name; that of an only output is empty."""
     found: dict[str, list[Predicted]] = {}
-    for test, child in node.children.items():
+    for test, child in node["tests"].children.items() if "tests" in node.children else ():
         own = child.dataset
         several = "output" in own["median"].dims
         for k, output in enumerate(map(str, own["output"].values) if several else ("",)):

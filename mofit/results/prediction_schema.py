@@ -1,4 +1,4 @@
-"""The layout of predictions: a table, and below it a group of signals per predicted test.
+"""The layout of predictions: a table, and below it, in ``tests``, a group of signals per predicted test.
 
 A result has it in the group ``held_out``, a prediction file (``mofit.prediction/1``) at its root.
 """

@@ -187,7 +187,7 @@ GROUPS: Mapping[str, Group] = {
     "/mixture": _MIXTURE,
     "/mixture/sample_stats": Group({"mode": Variable("chain draw", "1", "number of the mode: 2 is m2")}),
     "/held_out": HELD_OUT,
-    "/held_out/*": RECORD,
+    "/held_out/tests/*": RECORD,
     "/observed_data": Group(required=True),
     "/constant_data": Group(required=True),
 }
@@ -196,6 +196,8 @@ GROUPS: Mapping[str, Group] = {
 def group_at(path: str) -> tuple[Group, str]:
     """The group of a path, and the name of its mode or stage; an unknown group is empty."""
     parts = path.strip("/").split("/")
-    name = parts[1] if parts[0] in ("modes", "calibration", "held_out") and len(parts) > 1 else ""
+    if parts[:2] == ["held_out", "tests"] and len(parts) == 3:
+        return RECORD, parts[2]
+    name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
     key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
     return GROUPS.get(key, Group()), name

@@ -38,7 +38,7 @@ def test_the_test_is_not_used_and_predicted_as_the_command_does(campaign_file, t
     (predicted,) = prediction_rows(mofit.predict(folder, whole, tests=["2Hz"]))
     assert {**predicted, "role": "held out"} == rows["2Hz"]
     assert rows["2Hz"]["coverage"] == pytest.approx(0.9, abs=0.05)
-    assert list(tree["held_out"].children) == ["2Hz"]
+    assert list(tree["held_out/tests"].children) == ["2Hz"]
 
 
 def test_terminal_json_and_report_tell_of_it(campaign_file, tmp_path, capsys, monkeypatch):

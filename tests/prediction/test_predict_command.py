@@ -67,12 +67,12 @@ def test_the_file_keeps_its_layout(run, empty):
     assert main(["predict", str(result / "result.nc"), str(file), "--test", "2Hz", "--out", "new"]) == 0
     with xr.open_datatree(empty / "new" / "prediction.nc", engine="netcdf4") as tree:
         assert set(tree.dataset.data_vars) == set(HELD_OUT.variables)
-        assert set(tree["2Hz"].dataset.data_vars) == set(RECORD.variables)
+        assert set(tree["tests/2Hz"].dataset.data_vars) == set(RECORD.variables)
         for node in tree.subtree:
             for name, variable in node.to_dataset(inherit=False).variables.items():
                 assert variable.attrs["units"], name
                 assert variable.attrs["long_name"], name
-        own = tree["2Hz"].dataset
+        own = tree["tests/2Hz"].dataset
         np.testing.assert_allclose(own["residual"], own["measured"] - own["median"])
         assert (own["low"] <= own["parameter_low"]).all()
         assert (own["parameter_high"] <= own["high"]).all()
@@ -132,3 +132,16 @@ def test_an_earthquake_from_sines(shared_data, tmp_path):
     assert rows["earthquake"]["nrmsd"] < 0.15
     assert rows["earthquake"]["coverage"] > 0.8
     assert rows["earthquake"]["model_error"] > rows["earthquake"]["noise_sd"]
+
+
+#: names of variables and groups of a file, markup, and broken math
+@pytest.mark.parametrize("name", ["range", "prediction", "t <script>alert(1)<", r"t $\frac{x$"])
+def test_any_name_of_a_test_is_predicted(run, empty, name):
+    result, _ = run
+    first = damper_campaign().measurements[0]
+    records = Campaign(name, "simulated", {}, (replace(first, experiment=replace(first.experiment, name=name)),))
+    mofit.write_campaign(records, empty / "named.nc")
+    assert main(["predict", str(result), "named.nc", "--out", "new"]) == 0
+    with xr.open_datatree(empty / "new" / "prediction.nc", engine="netcdf4") as tree:
+        assert list(tree["tests"].children) == [name]
+    assert "<script>alert" not in (empty / "new" / "prediction.html").read_text()

@@ -47,7 +47,7 @@ def test_parts_of_the_band_are_those_of_linear_regression(line):
     assert table["parameter_sd"] == pytest.approx(np.sqrt(np.mean(expected**2)), rel=0.15)
     assert table["noise_sd"] == pytest.approx(straight_line.NOISE, rel=0.05)
     assert table["model_error"] < 0.5 * straight_line.NOISE * 30
-    own = found["far"]
+    own = found["tests/far"]
     width = (own["parameter_high"] - own["parameter_low"]).values
     assert np.mean(width) == pytest.approx(2 * NINETY * np.mean(expected), rel=0.15)
     total = np.sqrt(expected**2 + table["noise_sd"] ** 2 + table["model_error"] ** 2)
@@ -70,8 +70,8 @@ def test_a_record_without_output_has_a_band_and_no_errors(line):
     seen, blind = prediction_rows(found)
     assert blind["nrmsd"] is blind["rms"] is blind["coverage"] is blind["scored_from"] is None
     assert blind["parameter_sd"] == seen["parameter_sd"]
-    np.testing.assert_array_equal(found["blind/high"], found["far/high"])
-    assert np.isnan(found["blind/measured"]).all()
+    np.testing.assert_array_equal(found["tests/blind/high"], found["tests/far/high"])
+    assert np.isnan(found["tests/blind/measured"]).all()
 
 
 def test_a_test_alone_is_predicted_as_among_others(line):
@@ -81,7 +81,7 @@ def test_a_test_alone_is_predicted_as_among_others(line):
         mofit.predict(tree, records, model=straight_line.StraightLine(), tests=tests) for tests in ((), ("t1",))
     )
     assert prediction_rows(together)[1] == prediction_rows(alone)[0]
-    xr.testing.assert_identical(*(found["t1"].to_dataset(inherit=False) for found in (together, alone)))
+    xr.testing.assert_identical(*(found["tests/t1"].to_dataset(inherit=False) for found in (together, alone)))
 
 
 def test_another_model_is_refused(line):
@@ -126,14 +126,20 @@ def test_draws_come_from_all_modes_by_their_probability():
 @pytest.mark.parametrize(("sd", "kind"), [([1.0, 1.1, 1.0], "units"), ([1.0, 2.1, 8.0], "share")])
 def test_noise_transfers_in_the_form_that_the_tests_share(sd, kind):
     outputs = (mofit.Channel("force", "N"),)
-    tree = xr.DataTree(
-        xr.Dataset(
-            {"noise_sd": ("test", sd), "range": ("test", [10.0, 20.0, 80.0]), "gap": 0.02}, {"test": ["a", "b", "c"]}
-        )
-    )
+    labels = {"test": ["a", "b", "c"]}
+    root = xr.Dataset({"noise_sd": ("test", sd), "range": ("test", [10.0, 20.0, 80.0]), "gap": 0.02}, labels)
+    tree = xr.DataTree.from_dict({"/": root, "/modes/m1": xr.Dataset({"nrmsd": ("test", [0.2] * 3)}, labels)})
     (noise,) = transferred(tree, outputs).noise
     assert noise.kind == kind
     assert noise.sd(40.0) == pytest.approx(1.0 if kind == "units" else 4.0, rel=0.1)
+
+
+def test_noise_is_no_more_than_the_residual():
+    labels = {"test": ["a", "b"]}
+    root = xr.Dataset({"noise_sd": ("test", [5.0, 5.0]), "range": ("test", [10.0, 10.0]), "gap": 0.0}, labels)
+    tree = xr.DataTree.from_dict({"/": root, "/modes/m1": xr.Dataset({"nrmsd": ("test", [0.1, 0.1])}, labels)})
+    (noise,) = transferred(tree, (mofit.Channel("force", "N"),)).noise
+    assert noise.value == pytest.approx(1.0)
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +186,7 @@ def test_scoped_parameters_without_a_measured_output(leaning):
     assert json.loads(known.attrs["scoped"])["blind"] == {"b": "mean", "c": "identified"}
     x, z = (blind.experiment.inputs[name] for name in ("displacement", "lever"))
     # offsets of -1.5 to 1.5 have a standard deviation of 1.29; the median of 200 draws lies within 0.1 of their mean
-    assert known["blind/median"].values == pytest.approx(2.0 * x - 2.0 * z, abs=0.4)
+    assert known["tests/blind/median"].values == pytest.approx(2.0 * x - 2.0 * z, abs=0.4)
     assert prediction_rows(known)[0]["parameter_sd"] == pytest.approx(1.29, rel=0.15)
 
 
@@ -201,7 +207,7 @@ def test_several_outputs_have_bands_of_their_own(tmp_path):
         assert mine[output]["noise_sd"] == pytest.approx(sd, rel=0.2)
         assert mine[output]["unit"] == two_outputs.UNITS[output]
         assert mine[output]["coverage"] == pytest.approx(0.9, abs=0.06)
-    assert tree["held_out/4 Hz/median"].dims == ("time", "output")
+    assert tree["held_out/tests/4 Hz/median"].dims == ("time", "output")
     again = mofit.predict(folder, path, model=model, tests=["4 Hz"])
-    kept = mofit.open(folder)["held_out/4 Hz"]
-    xr.testing.assert_identical(*(node.to_dataset(inherit=False) for node in (again["4 Hz"], kept)))
+    kept = mofit.open(folder)["held_out/tests/4 Hz"]
+    xr.testing.assert_identical(*(node.to_dataset(inherit=False) for node in (again["tests/4 Hz"], kept)))

@@ -36,8 +36,8 @@ RECORDED = ("record", "test")
 
 
 def _known(kind: str) -> str:
-    if kind not in {*NEEDED, *EXCITATION_KINDS}:
-        raise ValueError(f"unknown kind '{kind}'. {did_you_mean(kind, NEEDED)}")
+    if kind not in EXCITATION_KINDS:
+        raise ValueError(f"unknown kind '{kind}'. {did_you_mean(kind, EXCITATION_KINDS)}")
     return kind
 
 
