@@ -48,9 +48,9 @@ def predict(
     -------
     xarray.DataTree
         Of schema ``mofit.prediction/1``. Its root has a table over ``record``: NRMSD, root mean square error, coverage
-        of the band, and the parts of the band as standard deviations. Each group of ``tests`` has ``median``, ``low``
-        and ``high`` (5 and 95 % quantile of a new measurement), ``parameter_low`` and ``parameter_high`` (by the parameters
-        alone), ``measured``, ``residual`` and ``scored`` over ``time`` (and ``output``, of several).
+        of the band, and the parts of the band as standard deviations. Each group of ``tests`` has signals over ``time``
+        (and ``output``, of several): ``median``, ``low`` and ``high`` (5 and 95 % quantile of a new measurement),
+        ``parameter_low`` and ``parameter_high`` (by the parameters alone), ``measured``, ``residual``, ``scored``.
 
     Raises
     ------
