@@ -42,7 +42,10 @@ ModelName = Annotated[
 ]
 Effects = Annotated[
     tuple[str, ...],
-    Parameter(help="Effect to add to the model: a shipped name, or path/to/file.py:Name; repeatable."),
+    Parameter(
+        help="Effect to add to the model: a shipped name, path/to/file.py:Name, or start:STATE, which lets a state "
+        "start at a value of its own in every test; repeatable."
+    ),
 ]
 Tests = Annotated[tuple[str, ...], Parameter(help="Use only the test of this name; repeatable.")]
 Bounds = Annotated[

@@ -88,6 +88,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             numbers = ["–" if entry[key] is None else f"{entry[key]:.4g}" for key in keys]
             table.add_row(name, *numbers, entry["unit"], entry["verdict"])
         console.print(table)
+        if "scoped" in mode:
+            console.print(_scoped(mode))
     if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
     if summary.get("held_out"):
@@ -104,6 +106,23 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     elif not summary["converged"]:
         console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
+
+
+#: values of a scoped parameter that a terminal shows; the page and --json have all
+_SHOWN = 12
+
+
+def _scoped(mode: Mapping[str, Any]) -> Table:
+    """Parameters with a value per test or condition: estimate and standard deviation of each."""
+    title = f"{mode['id']}: values per test or condition (± standard deviation)"
+    table = _table("parameter", "of", "estimate", "sd", "unit", words=("of", "unit"), title=title)
+    for name, entry in mode["scoped"].items():
+        for label, own in [*entry["values"].items()][:_SHOWN]:
+            side = {-1: " (lower end of its range)", 0: "", 1: " (upper end of its range)"}[own["at_bound"]]
+            table.add_row(name, label + side, f"{own['value']:.4g}", f"{own['sd']:.2g}", entry["unit"])
+        if (more := len(entry["values"]) - _SHOWN) > 0:
+            table.add_row(name, f"and {more} more: see the report", "", "", "")
+    return table
 
 
 def _errors_of_outputs(summary: Mapping[str, Any]) -> Table:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-
-import numpy as np
 
 from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.settings import Settings, free_space
 from mofit.models import Model, find_model
-from mofit.parameters import ParameterSpace
+from mofit.parameters import Parameter, ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
+from mofit.problem.pooling import hyperparameters
 from mofit.simulation import measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
@@ -31,7 +30,7 @@ class ProblemSetup:
     space: ParameterSpace
     """Free parameters of the campaign."""
     scoped: ParameterSpace
-    """Free parameters with a value per test or condition."""
+    """Free parameters with a value per test or condition, in ranges as the model has them."""
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     """A sentence per stage that had no tests, and per output that no test has."""
@@ -44,8 +43,9 @@ class ProblemSetup:
         if not free:
             message = "fixes every parameter of the search; the calibration stages estimate the others"
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
-        fixed = {**known, **self.settings.fixed}
-        space = ParameterSpace((*self.space.subset(free).parameters, *self.scoped.parameters))
+        means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
+        fixed = {**known, **self.settings.fixed, **means}
+        space = ParameterSpace((*self.space.subset(free).parameters, *_wide(self.scoped, self.settings)))
         return build_problem(self.model, self.campaign, space=space, fixed=fixed, jobs=self.settings.jobs)
 
     @cached_property
@@ -54,7 +54,8 @@ class ProblemSetup:
         joint, prior = self.settings.joint, FLAT
         if self.calibrations and not joint:
             prior = join_priors([calibration.prior(self.space) for calibration in self.calibrations])
-        main = self.searched.with_free(self.space, self.settings.fixed, prior)
+        space = ParameterSpace((*self.space.parameters, *hyperparameters(self.scoped)))
+        main = self.searched.with_free(space, self.settings.fixed, prior)
         if joint and self.calibrations:
             return JointProblem(main, tuple(calibration.problem for calibration in self.calibrations))
         return main
@@ -91,17 +92,19 @@ def set_up_problem(
     selected = campaign.select(choose_tests(model, campaign, tests))
     model = scaled(model, data_scales(model, selected))
     shared, own = scoped(free_space(model, settings))
-    space, own = space or shared, _wide(own, settings)
+    space = space or shared
     _refuse_calibrated(model, own)
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
     warnings = [*warnings, *_unmeasured(model, selected)]
     return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings))
 
 
-def _wide(own: ParameterSpace, settings: Settings) -> ParameterSpace:
+def _wide(own: ParameterSpace, settings: Settings) -> tuple[Parameter, ...]:
     """Scoped parameters are not searched, so that a wide range costs nothing; bounds asked for stay."""
-    sides = np.array([0 if name in settings.bounds else 1 for name in own.names])
-    return own.farther(sides).farther(-sides)
+    return tuple(
+        one if one.name in settings.bounds else replace(one.farther(1), lower=one.farther(-1).lower)
+        for one in own.parameters
+    )
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:

@@ -63,21 +63,27 @@ def wider_setup(
     campaign, tests
         What it was set up from.
     """
-    best, noise = None, posterior.main.noise
-    values, sides = posterior.space.from_unit(minimum.point), minimum.at_bound
+    best, noise, shared = None, posterior.main.noise, len(setup.space)
+    values, sides = posterior.space.from_unit(minimum.point)[:shared], minimum.at_bound[:shared]
     for _ in range(MOST):
         space = (best or setup).space.farther(sides)
         if space == (best or setup).space:
             break
         wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
         target = wider.posterior.with_noise(noise)
-        starts = beyond_ends((best or setup).space, space, values, sides)
+        starts = _with_rest(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])
         (found, *_) = merge(refine(target.evaluate, starts)) or (None,)
         if found is None or not cost - found.value > WORTH:
             break
-        best, values, sides = wider, space.from_unit(found.point), found.at_bound
+        best, values, sides = wider, space.from_unit(found.point[:shared]), found.at_bound[:shared]
     return best
+
+
+def _with_rest(starts: FloatArray, point: FloatArray) -> FloatArray:
+    """Starts (k, d) with the means and spreads of pooled parameters, which come last, as in a point."""
+    rest = np.tile(point[starts.shape[1] :], (len(starts), 1))
+    return np.concatenate([starts, rest], axis=1)
 
 
 def beyond_ends(old: ParameterSpace, new: ParameterSpace, values: FloatArray, sides: NDArray[np.int64]) -> FloatArray:

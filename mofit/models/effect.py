@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, product
 from typing import TypeVar
@@ -33,7 +33,7 @@ class Effect(ABC):
     needs
         Names of the model that `apply` reads beside the target; ``"one or another"`` where either will do.
     parameters, states
-        The effect's own. The unit `TARGET_UNIT` means that of the target.
+        The effect's own. The unit `TARGET_UNIT` means that of the target; ``"unit of NAME"`` that of a channel.
     inputs, conditions
         What it reads of a test beside the model's. Every test has the input ``time`` (s, since its first sample) and
         the condition ``sample_interval`` (s); with ``start_time`` (s, since the campaign began) where the file states
@@ -130,7 +130,7 @@ class ExtendedModel(Model):
         own = [effect for effect, _ in self.effects]
         self.name = "+".join([base.name, *(effect.name for effect in own)])
         self.title = f"{base.title or base.name} with {', '.join(effect.title or effect.name for effect in own)}"
-        units = [_unit_of(base, target) for _, target in self.effects]
+        units = [_units_of(base, target) for _, target in self.effects]
         self.parameters = base.parameters + _with_units([effect.parameters for effect in own], units)
         self.states = base.states + _with_units([effect.states for effect in own], units)
         self.inputs = _each_once(base.inputs, *(effect.inputs for effect in own))
@@ -198,17 +198,22 @@ def _possible_targets(model: Model) -> tuple[str, ...]:
     return (*inputs, *symbols.quantities, *(channel.name for channel in model.outputs), *chain(*constants))
 
 
-def _unit_of(model: Model, name: str) -> str:
-    """Unit of a channel, parameter or condition; announced quantities have none."""
-    groups = (model.inputs, model.outputs, model.parameters, model.conditions)
-    return {item.name: item.unit for group in groups for item in group}.get(name, "1")
+def _units_of(model: Model, target: str) -> dict[str, str]:
+    """Units that an effect may leave to the model: that of its target, and those of channels and states by name.
+
+    Announced quantities have none.
+    """
+    groups = (model.states, model.inputs, model.outputs, model.parameters, model.conditions)
+    units = {item.name: item.unit for group in groups for item in group}
+    own = units.get(target, "1") if target not in {state.name for state in model.states} else "1"
+    return {f"unit of {name}": unit for name, unit in units.items()} | {TARGET_UNIT: own}
 
 
-def _with_units(groups: Sequence[tuple[Owned, ...]], units: Sequence[str]) -> tuple[Owned, ...]:
-    """Parameters or states of all effects, with the unit of what each effect acts on filled in."""
+def _with_units(groups: Sequence[tuple[Owned, ...]], units: Sequence[Mapping[str, str]]) -> tuple[Owned, ...]:
+    """Parameters or states of all effects, with the units that they leave to the model filled in."""
     return tuple(
-        replace(item, unit=unit) if item.unit == TARGET_UNIT else item
-        for group, unit in zip(groups, units, strict=True)
+        replace(item, unit=known.get(item.unit, item.unit))
+        for group, known in zip(groups, units, strict=True)
         for item in group
     )
 

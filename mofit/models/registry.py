@@ -15,6 +15,7 @@ from typing import TypeVar
 
 from mofit.errors import InputError, did_you_mean, raise_errors
 from mofit.models.effect import Effect
+from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
 from mofit.models.users_code import users_code
 
@@ -48,12 +49,15 @@ def find_model(reference: str) -> Model:
 def find_effect(reference: str) -> Effect:
     """The shipped effect of that name, or the user's own from ``path/to/file.py:Name``.
 
+    ``start:STATE`` makes the initial value of a state a parameter (`mofit.models.initial_state`).
+
     Raises
     ------
     InputError
         If there is none (names the closest one), or with everything that the user's own lacks.
     """
-    effect = _find(reference, Effect)
+    starts = reference.startswith(PREFIX)
+    effect = InitialState(reference.removeprefix(PREFIX)) if starts else _find(reference, Effect)
     raise_errors(effect.issues())
     return effect
 

@@ -22,6 +22,7 @@ from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_value
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
+from mofit.simulation.requirements import undriven
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import Scopes
 
@@ -88,7 +89,8 @@ class Identified:
             If it succeeds at none.
         """
         model, measured = self.model, measured_outputs(self.model, measurement)
-        analysis = analyse(measurement, first_input(model), measured[0]) if measured else _NOTHING
+        driver = None if undriven(model, measurement.experiment) else first_input(model)
+        analysis = analyse(measurement, driver, measured[0]) if measured else _NOTHING
         experiment = experiment_data(model, measurement, analysis, False)
         scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
@@ -106,8 +108,7 @@ class Identified:
         rng = np.random.default_rng((self.seed, 1))
         values = dict(self._known)
         for one in scoped:
-            start = one.parameter.nominal
-            values[one.parameter.name] = np.full(DRAWS, start) if one.source == "fitted" else one.draws(DRAWS, rng)
+            values[one.parameter.name] = one.draws(self._known, DRAWS, rng)
         return np.stack([values[name][:count] for name in self.system.parameters], axis=1)
 
     def _simulator(

@@ -12,9 +12,10 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.data import Measurement
 from mofit.parameters import PER_CAMPAIGN, PER_TEST, Parameter, ParameterSpace
+from mofit.problem.pooling import mean_name, spread_name
 from mofit.simulation.scopes import Scopes
 
-Source = Literal["identified", "fitted", "mean", "nominal"]
+Source = Literal["identified", "fitted", "pooled", "mean", "nominal"]
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,20 @@ class ScopedValue:
     value: float
     sd: float
 
-    def draws(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Values (count,) within the range of the parameter."""
-        values = self.value + self.sd * rng.standard_normal(count)
-        return np.clip(values, self.parameter.lower, self.parameter.upper)
+    def draws(self, known: Mapping[str, FloatArray], count: int, rng: np.random.Generator) -> FloatArray:
+        """Values (count,) within the range of the parameter; ``known`` are draws of the campaign's parameters.
+
+        One that is fitted has its nominal value.
+        """
+        own = self.parameter
+        if self.source == "fitted":
+            return np.full(count, own.nominal)
+        normal = rng.standard_normal(count)
+        if self.source != "pooled":
+            return np.clip(self.value + self.sd * normal, own.lower, own.upper)
+        mean, spread = known[mean_name(own.name)], known[spread_name(own.name)]
+        values = mean * np.exp(spread * normal) if own.scale == "log" else mean + spread * normal
+        return np.clip(values, own.lower, own.upper)
 
 
 def scoped_parameters(
@@ -44,7 +55,8 @@ def scoped_parameters(
     found = []
     for parameter in parameters:
         own = scopes.get(parameter.name, parameter.per)
-        per = PER_TEST if own == PER_CAMPAIGN and (parameter.name in pooled or parameter.pooled) else own
+        shared = parameter.name in pooled or parameter.pooled
+        per = PER_TEST if own == PER_CAMPAIGN and shared else own
         if parameter.name in known or per == PER_CAMPAIGN:
             continue
         if parameter.name in bounds:
@@ -52,7 +64,7 @@ def scoped_parameters(
             (one,) = space.parameters
         else:
             one = parameter.farther(1).farther(-1)
-        found.append(replace(one, per=per))
+        found.append(replace(one, per=per, pooled=shared))
     return tuple(found)
 
 
@@ -62,7 +74,8 @@ def scoped_values(
     """Where the scoped values of a record come from.
 
     The value that was identified under the record's condition; else one that is fitted to the record, if its output was
-    measured; else the mean over the identified tests, with their spread; else the nominal value.
+    measured; else draws from the normal of a pooled parameter; else the mean over the identified tests, with their
+    spread; else the nominal value.
 
     Raises
     ------
@@ -77,6 +90,8 @@ def scoped_values(
             found.append(ScopedValue(parameter, "identified", *known[label]))
         elif measured:
             found.append(ScopedValue(parameter, "fitted", np.nan, 0.0))
+        elif parameter.pooled:
+            found.append(ScopedValue(parameter, "pooled", np.nan, np.nan))
         elif known:
             values = np.array([value for value, _ in known.values()])
             spread = float(values.std(ddof=1)) if len(values) > 1 else next(iter(known.values()))[1]

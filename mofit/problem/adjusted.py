@@ -10,6 +10,7 @@ from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.problem.curvature_adjustment import Adjustment, Score, adjust
 from mofit.problem.posterior import CampaignPosterior
+from mofit.problem.prior import inside_cube
 
 
 @dataclass(frozen=True)
@@ -41,20 +42,20 @@ class AdjustedPosterior:
             change = self.problem.squares(mapped) - self.squares
             return self.offset + self.adjustment.value(change, points) + self.problem.log_volume(mapped) - self.volume
 
-        return self.problem.prior_density.log_posterior(u, likelihood)
+        return inside_cube(u, lambda points: likelihood(points) + self.problem.prior_terms(points)[0])
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
-        a, prior = self.adjustment, self.problem.prior_density
+        a, prior = self.adjustment, self.problem.prior_terms(u)
         squares, slope, curvature = self.problem.squares_terms(a.mapped(u))
         change = squares - self.squares
         shape = a.slope(change, u)[:, None]
         gradient = shape * (a.scale * slope @ a.map + 2 * a.linear)
         hessian = a.scale * shape[:, :, None] * np.einsum("ji,njk,kl->nil", a.map, curvature, a.map)
         return (
-            self.offset + a.value(change, u) + prior.value(u),
-            gradient + prior.gradient(u),
-            hessian + prior.precision,
+            self.offset + a.value(change, u) + prior[0],
+            gradient + prior[1],
+            hessian + prior[2],
         )
 
     def unmapped(self) -> AdjustedPosterior:
@@ -82,13 +83,13 @@ class AdjustedPosterior:
 
     def _hessian(self, adjustment: Adjustment) -> FloatArray:
         shape = (adjustment.freedom + len(adjustment.centre)) / adjustment.freedom
-        return shape * adjustment.precision + self.problem.prior_density.precision
+        return shape * adjustment.precision + self.problem.prior_terms(adjustment.centre[None])[2][0]
 
 
 def adjusted_posterior(problem: CampaignPosterior, point: FloatArray, *, with_gap: bool = True) -> AdjustedPosterior:
     """The posterior around a minimum (d,), adjusted to noise and gap, or to noise alone."""
     score = problem.score(point)
     here = point[None]
-    offset = -float(problem.log_posterior(here)[0]) - float(problem.prior_density.value(here)[0])
+    offset = -float(problem.log_posterior(here)[0]) - float(problem.prior_terms(here)[0][0])
     squares, volume = float(problem.squares(here)[0]), float(problem.log_volume(here)[0])
     return AdjustedPosterior(problem, adjust(score, point, with_gap), offset, squares, score, volume)

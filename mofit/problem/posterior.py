@@ -12,7 +12,6 @@ from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.problem.curvature_adjustment import Score, join_scores
 from mofit.problem.likelihood import Noise
-from mofit.problem.prior import GaussianPrior
 from mofit.problem.problem import Problem
 
 
@@ -43,9 +42,8 @@ class CampaignPosterior(Posterior, Protocol):
     def main(self) -> Problem:
         """The tests of the main identification, which results and reports show."""
 
-    @property
-    def prior_density(self) -> GaussianPrior:
-        """The Gaussian prior over all free parameters; flat where nothing is known."""
+    def prior_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Negative log prior (N,), its gradient (N, d) and Hessian (N, d, d)."""
 
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of squares of all tests, shape (N,)."""
@@ -90,10 +88,9 @@ class JointProblem:
         """The main problem's free parameters."""
         return self.main.space
 
-    @property
-    def prior_density(self) -> GaussianPrior:
-        """The main problem's prior."""
-        return self.main.prior_density
+    def prior_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the main problem's prior."""
+        return self.main.prior_terms(u)
 
     def with_noise(self, noise: Noise) -> JointProblem:
         """Another noise of the main problem."""

@@ -49,17 +49,18 @@ class GaussianPrior:
         """Gradient of `value`, shape (N, k)."""
         return np.asarray((u - self.mean) @ self.precision)
 
-    def log_posterior(self, u: FloatArray, likelihood: Callable[[FloatArray], FloatArray]) -> FloatArray:
-        """Log posterior density at points (N, k) from the negative log likelihood of those in the unit cube, (N,).
 
-        -inf outside the cube and where the likelihood is not finite.
-        """
-        result = np.full(len(u), -np.inf)
-        inside = np.all((u >= 0) & (u <= 1), axis=1)
-        if inside.any():
-            value = likelihood(u[inside]) + self.value(u[inside])
-            result[inside] = np.where(np.isfinite(value), -value, -np.inf)
-        return result
+def inside_cube(u: FloatArray, negative_log: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Log density at points (N, k) from the negative log density of those in the unit cube, (N,).
+
+    -inf outside the cube and where it is not finite.
+    """
+    result = np.full(len(u), -np.inf)
+    inside = np.all((u >= 0) & (u <= 1), axis=1)
+    if inside.any():
+        value = negative_log(u[inside])
+        result[inside] = np.where(np.isfinite(value), -value, -np.inf)
+    return result
 
 
 #: No prior knowledge.

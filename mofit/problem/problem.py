@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.data import Campaign, Measurement
-from mofit.data.signals import SignalAnalysis, analyse
-from mofit.models import Model, System, build_system
+from mofit.data import Measurement
+from mofit.data.signals import SignalAnalysis
+from mofit.models import Model, System
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.problem.curvature_adjustment import Score
 from mofit.problem.likelihood import (
@@ -22,12 +22,14 @@ from mofit.problem.likelihood import (
     nrmsd,
 )
 from mofit.problem.local_model import coarse_steps, fold_periods, star
-from mofit.problem.objectives import first_noise, independent_residuals, objective_names, objectives_of
-from mofit.problem.prior import FLAT, GaussianPrior
+from mofit.problem.objectives import independent_residuals, objective_names, objectives_of
+from mofit.problem.pooling import Pooling
+from mofit.problem.prior import FLAT, GaussianPrior, inside_cube
+from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.problem.score_covariance import score_covariance
-from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs, require
+from mofit.simulation import ExperimentData, Simulator
 from mofit.simulation.scoped_simulator import ScopedSimulator
-from mofit.simulation.scopes import Scopes, scoped
+from mofit.simulation.scopes import scoped
 
 #: Integration error that is allowed, relative to the output's range. Anywhere in the box: 1e-4 adds at most 1e-6 to an
 #: NRMSD of 5e-3. Near a mode: a share of the noise and gap there; on the paper's rig 3e-5, which is 0.1 N where the
@@ -59,6 +61,8 @@ class Problem:
     noise: Noise
     prior: GaussianPrior = FLAT
     """What earlier stages know of some free parameters."""
+    pooling: Pooling | None = None
+    """The normals of pooled parameters; their means and spreads are the last free parameters."""
 
     @property
     def main(self) -> Problem:
@@ -98,11 +102,13 @@ class Problem:
     def sums(self, u: FloatArray) -> TestSums:
         """Cost, gradient and Gauss-Newton matrix per objective, in unit coordinates."""
         cost, gradient, normal = self.simulator.gauss_newton(self.layout.full(u))
-        slope = self.space.derivative(self.space.from_unit(u))
+        simulated = gradient.shape[-1]
+        slope = self.space.derivative(self.space.from_unit(u))[:, :simulated]
+        more = [(0, 0), (0, 0), (0, len(self.space) - simulated)]  # means and spreads move no output
         return TestSums(
             cost=cost,
-            gradient=gradient * slope[:, None, :],
-            normal=normal * slope[:, None, :, None] * slope[:, None, None, :],
+            gradient=np.pad(gradient * slope[:, None, :], more),
+            normal=np.pad(normal * slope[:, None, :, None] * slope[:, None, None, :], [*more, more[-1]]),
         )
 
     def gradients(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -115,9 +121,19 @@ class Problem:
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""
-        value, gradient, hessian = likelihood_terms(self.sums(u), self.noise)
+        likelihood, prior = likelihood_terms(self.sums(u), self.noise), self.prior_terms(u)
+        value, gradient, hessian = (one + other for one, other in zip(likelihood, prior, strict=True))
+        return value, gradient, hessian
+
+    def prior_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Negative log prior (N,), that of pooled parameters included, with gradient (N, d) and Hessian (N, d, d)."""
         prior = self.prior_density
-        return value + prior.value(u), gradient + prior.gradient(u), hessian + prior.precision
+        value, gradient = prior.value(u), prior.gradient(u)
+        hessian = np.tile(prior.precision, (len(u), 1, 1))
+        if self.pooling is None or not isinstance(self.simulator, ScopedSimulator):
+            return value, gradient, hessian
+        more = self.pooling.terms(self.simulator, self.layout.full(u), self.space, u)
+        return value + more[0], gradient + more[1], hessian + more[2]
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
@@ -126,7 +142,7 @@ class Problem:
             cost = self.simulator.cost(self.layout.full(points))
             return negative_log_likelihood(cost, self.noise) + self.log_volume(points)
 
-        return self.prior_density.log_posterior(u, likelihood)
+        return inside_cube(u, lambda points: likelihood(points) + self.prior_terms(points)[0])
 
     def log_volume(self, u: FloatArray) -> FloatArray:
         """What the scoped parameters, integrated out, add to the negative log likelihood, shape (N,)."""
@@ -152,7 +168,9 @@ class Problem:
 
         def responses() -> Iterator[tuple[FloatArray, FloatArray]]:
             for response in self.simulator.one_by_one(values, derivatives=True):
-                yield response[0, ..., 0], response[0, ..., 1:] * derivative
+                slopes = np.zeros((*response.shape[1:3], len(derivative)))
+                slopes[..., : response.shape[-1] - 1] = response[0, ..., 1:]
+                yield response[0, ..., 0], slopes * derivative
 
         sums = self.sums(point[None])
         return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses())
@@ -164,7 +182,20 @@ class Problem:
     def with_noise_at(self, u: FloatArray) -> Problem:
         """The problem with its noise as seen at one point u (d,)."""
         independent = independent_residuals(self.experiments, [output[0] for output in self.simulate(u[None])])
-        return self.with_noise(self.noise.at(self.objectives(u[None])[0], independent))
+        found = self.with_noise(self.noise.at(self.objectives(u[None])[0], independent))
+        return found if len(found.space) == len(found.simulator.free) else found._pooled_at(u)
+
+    def scoped_covariance(self, u: FloatArray) -> FloatArray:
+        """Covariance of the scoped values in unit coordinates at a point u (d,), (G, m, m)."""
+        assert isinstance(self.simulator, ScopedSimulator)
+        p, gap = self.layout.full(u[None]), self.score(u).gap_squares
+        return scoped_covariance(self.simulator, p, self.periods, self.noise.weights, gap)
+
+    def _pooled_at(self, u: FloatArray) -> Problem:
+        """With the normals of pooled parameters, whose values are as uncertain as at a point u (d,)."""
+        assert isinstance(self.simulator, ScopedSimulator)
+        best = self.simulator.best(self.layout.full(u[None]))
+        return replace(self, pooling=Pooling.of(self.scoped_covariance(u), self.simulator, best))
 
     def with_noise(self, noise: Noise) -> Problem:
         """The problem with another view of its noise."""
@@ -182,10 +213,11 @@ class Problem:
         space, own = scoped(space)
         fixed = {**fixed, **dict(zip(own.names, own.nominal, strict=True))}
         layout, simulator = ParameterLayout.of_model(self.model.parameters, space, fixed), self.simulator
-        if layout.space.names == self.space.names:
+        simulated = tuple(name for name in layout.space.names if name in self.system.parameters)
+        if simulated == simulator.free:
             simulator = simulator.within(layout.box(), TOLERANCE)
         else:
-            simulator = simulator.with_free(layout.space.names, layout.box(), TOLERANCE)
+            simulator = simulator.with_free(simulated, layout.box(), TOLERANCE)
         return replace(self, layout=layout, simulator=simulator, prior=prior)
 
     def near(self, points: FloatArray, sd: FloatArray) -> Problem:
@@ -223,62 +255,3 @@ class Problem:
             simulator=simulator,
             noise=noise,
         )
-
-
-def build_problem(
-    model: Model,
-    campaign: Campaign,
-    *,
-    space: ParameterSpace | None = None,
-    fixed: Mapping[str, float] | None = None,
-    prior: GaussianPrior = FLAT,
-    settled: bool = False,
-    jobs: int = 1,
-) -> Problem:
-    """Join a model and the tests of a campaign.
-
-    Parameters
-    ----------
-    model
-        Its channels and conditions are looked up in every test.
-    campaign
-        All of its tests are used.
-    space
-        Free parameters, each with its scope; all of the model's if not given.
-    fixed
-        Values of parameters that are not free; nominal if not given.
-    prior
-        Knowledge from earlier stages.
-    settled
-        Use only the samples after each test's transient, periodic or not.
-    jobs
-        Threads; results do not depend on it.
-
-    Raises
-    ------
-    InputError
-        With every channel and condition that a test lacks; of several outputs it may lack some.
-    """
-    system = build_system(model)
-    require(model, campaign)
-    shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
-    layout = ParameterLayout.of_model(model.parameters, shared, fixed)
-    excitation, tests = first_input(model), campaign.measurements
-    signals = tuple(analyse(test, excitation, measured_outputs(model, test)[0]) for test in tests)
-    experiments = tuple(
-        experiment_data(model, measurement, analysis, settled)
-        for measurement, analysis in zip(tests, signals, strict=True)
-    )
-    make = partial(ScopedSimulator, scopes=Scopes.of(own, tests)) if own.names else Simulator
-    simulator = make(system, experiments, shared.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box())
-    return Problem(
-        model=model,
-        system=system,
-        measurements=tuple(tests),
-        signals=signals,
-        layout=layout,
-        simulator=simulator,
-        experiments=experiments,
-        noise=replace(first_noise(model, tests, signals, experiments), absorbed=simulator.absorbed),
-        prior=prior,
-    )

@@ -59,6 +59,22 @@ def score_covariance(
     )
 
 
+def scatter(
+    experiments: Sequence[ExperimentData],
+    periods: Sequence[float | None],
+    weights: FloatArray,
+    responses: Iterable[tuple[FloatArray, FloatArray]],
+    gap_squares: tuple[float, float],
+) -> FloatArray:
+    """Covariance of every objective's weighted gradient by noise and a known gap, (K, L, L); see `score_covariance`."""
+    found = []
+    for experiment, period, response in zip(experiments, periods, responses, strict=True):
+        for process, slopes in _residual_noise(experiment, period, *response):
+            gap = process.score_covariance(slopes, _on_lines(process, gap_squares))
+            found.append(process.score_covariance(slopes) + gap)
+    return weights[:, None, None] ** 2 * np.array(found)
+
+
 def _residual_noise(
     experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
 ) -> list[tuple[NoiseProcess, FloatArray]]:

@@ -30,6 +30,7 @@ from mofit.report.toolkit.formatting import (
     whole_percent,
     with_sd,
 )
+from mofit.results.reading import scoped_values
 
 _NO_VERDICT = {"good": "identified", "bad": "not identified", "unknown": "not sampled"}
 
@@ -97,7 +98,9 @@ def estimate_columns(run: Run, estimates: list[Estimate]) -> Mapping[str, Column
 def estimates_section(run: Run) -> Section:
     """A table per mode, and one of the parameters that were fixed or estimated beforehand."""
     estimates = {mode.name: extract_estimates(run, mode) for mode in run.modes}
-    panes: dict[str, list[Block]] = {mode.title: [_table(run, mode, estimates[mode.name])] for mode in run.modes}
+    panes: dict[str, list[Block]] = {
+        mode.title: [_table(run, mode, estimates[mode.name]), *_scoped(mode)] for mode in run.modes
+    }
     text = Text(
         "MAP is the refined maximum of the posterior. Mean, standard deviation (sd) and interval describe the "
         "posterior. Contraction is how much narrower the posterior is than the prior box: 100 % is a point; at 0 % the "
@@ -116,6 +119,27 @@ def _table(run: Run, mode: Mode, estimates: list[Estimate]) -> Table:
     evidence = f"{float(mode.node.attrs['log_evidence']):.2f}".replace("-", "−")
     caption = f"Mode {mode.name}: posterior probability {percent(mode.probability)}, log evidence {evidence}"
     return Table([column for head, column in columns.items() if head not in left_out], caption + unconverged(mode))
+
+
+def _scoped(mode: Mode) -> list[Block]:
+    """A table of the parameters with a value per test or condition, one row per value."""
+    rows = [
+        (name, label, own, entry["unit"])
+        for name, entry in scoped_values(mode.node).get("scoped", {}).items()
+        for label, own in entry["values"].items()
+    ]
+    if not rows:
+        return []
+    sides = {-1: "lower end of its range", 0: "–", 1: "upper end of its range"}
+    columns = [
+        parameter_column([name for name, *_ in rows]),
+        words("Of", [label for _, label, *_ in rows]),
+        Column("Estimate", [plus_minus(own["value"], own["sd"]) for *_, own, _ in rows]),
+        unit_column(unit for *_, unit in rows),
+        words("At bound", [sides[own["at_bound"]] for *_, own, _ in rows]),
+    ]
+    caption = "Parameters with a value of their own per test or condition: at the mode, ± standard deviation (Laplace)."
+    return [Table(columns, caption)]
 
 
 def unconverged(mode: Mode) -> str:

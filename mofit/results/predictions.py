@@ -16,6 +16,7 @@ NUMBERS = ("nrmsd", "rms", "coverage", "range", "parameter_sd", "noise_sd", "mod
 SCOPED_SOURCES = {
     "identified": "identified under this condition",
     "fitted": "fitted to this record",
+    "pooled": "drawn from the pooled normal",
     "mean": "mean of the identified values, with their spread",
     "nominal": "nominal value, without a spread",
 }

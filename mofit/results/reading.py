@@ -139,7 +139,27 @@ def _mode(tree: xr.DataTree, name: str, node: xr.DataTree, units: xr.DataArray) 
         "found_by": node.attrs.get("found_by", ""),
         "nrmsd": _by_objective(tree, node.dataset["nrmsd"]),
         "parameters": entries,
+        **scoped_values(node),
     }
+
+
+def scoped_values(mode: xr.DataTree) -> dict[str, Any]:
+    """Estimates of the parameters of a mode that have a value per test or condition, by what each value belongs to."""
+    if "scoped" not in mode.children:
+        return {}
+    found = mode["scoped"].dataset
+    units = found["value"].coords.get("unit", found.get("unit"))
+    entries: dict[str, Any] = {}
+    for name in map(str, found["parameter_scoped"].values):
+        own = found.sel(parameter_scoped=name)
+        cells = zip(*(own[key].values for key in ("label", "value", "sd", "at_bound")), strict=True)
+        values = {
+            str(label): {"value": _number(value), "sd": _number(sd), "at_bound": int(side)}
+            for label, value, sd, side in cells
+        }
+        unit = "" if units is None else str(units.sel(parameter_scoped=name).item())
+        entries[name] = {"unit": unit, "values": values}
+    return {"scoped": entries}
 
 
 def _per_frequency(tree: xr.DataTree) -> list[dict[str, Any]]:

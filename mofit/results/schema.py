@@ -16,6 +16,7 @@ AXES = {
     "parameter": "parameter of the model",
     "parameter_": "parameter of the model, second axis of a matrix",
     "parameter_baseline": "parameter of the baseline model",
+    "parameter_scoped": "parameter with a value per test or condition",
     "test": "test of the campaign",
     "output": "output of the model",
     "objective": "test whose NRMSD is an objective of the search",
@@ -121,6 +122,17 @@ _MODE = Group(
     },
     ("log_evidence", "probability", "log_posterior", "converged", "evaluations"),
 )
+_SCOPED = Group(
+    {
+        "value": Variable("test parameter_scoped", OWN_UNIT, "estimate in this test"),
+        "sd": Variable("test parameter_scoped", OWN_UNIT, "standard deviation (Laplace)"),
+        "at_bound": Variable("test parameter_scoped", "1", "-1 at the lower, 1 at the upper end of the range"),
+        "label": Variable("test parameter_scoped", "1", "what has this value: a test, or a condition with its value"),
+        "lower": Variable("parameter_scoped", OWN_UNIT, "lower end of the range"),
+        "upper": Variable("parameter_scoped", OWN_UNIT, "upper end of the range"),
+        "description": Variable("parameter_scoped", "1", "meaning"),
+    }
+)
 _PROFILE = Group(
     {
         "value": Variable("parameter point", OWN_UNIT, "fixed value"),
@@ -182,6 +194,7 @@ GROUPS: Mapping[str, Group] = {
     "/calibration/*": _CALIBRATION,
     "/modes": Group(required=True),
     "/modes/*": _MODE,
+    "/modes/*/scoped": _SCOPED,
     "/modes/*/profile": _PROFILE,
     "/modes/*/sample_stats": _SAMPLE_STATS,
     "/mixture": _MIXTURE,

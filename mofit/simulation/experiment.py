@@ -15,7 +15,7 @@ from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
 from mofit.errors import InputError, Issue
 from mofit.models import Model, System
 from mofit.models.model import TIME
-from mofit.simulation.requirements import all_conditions, measured_outputs
+from mofit.simulation.requirements import all_conditions, measured_outputs, undriven
 
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
 _SHORT_TEST = 20_000
@@ -174,6 +174,9 @@ def experiment_data(model: Model, measurement: Measurement, record: SignalAnalys
     experiment = measurement.experiment
     columns: dict[str, FloatArray] = {**experiment.inputs, **measurement.outputs}
     derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
+    if undriven(model, experiment):
+        columns |= {channel.name: np.zeros(len(experiment.time)) for channel in model.inputs}
+        derived = set()
     for name in derived:
         # the smoothed signal goes with its derivative, so that both describe one motion
         smooth, slope = smooth_derivative(experiment.time, measurement.channel(name))

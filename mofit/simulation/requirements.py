@@ -17,6 +17,11 @@ def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
     return [channel.name for channel in model.outputs if channel.name in have]
 
 
+def undriven(model: Model, experiment: Experiment) -> bool:
+    """Whether a test is a free decay: it has no input, so that those of a model with states are zero."""
+    return not experiment.inputs and bool(model.states)
+
+
 def first_input(model: Model) -> str:
     """Name of the channel that excites the model; it gives a test's period."""
     return model.inputs[0].derivative_of or model.inputs[0].name
@@ -45,7 +50,8 @@ def lacking(model: Model, campaign: Campaign, *, outputs_too: bool = True) -> li
         where, needs = f"test '{measurement.name}'", f"model '{model.name}' needs"
         have = {**measurement.experiment.inputs, **measurement.outputs}
         conditions = all_conditions(measurement.experiment)
-        missing = [f"channel '{source}'" for source in inputs if source not in have and source != TIME.name]
+        driven = not undriven(model, measurement.experiment)
+        missing = [f"channel '{source}'" for source in inputs if driven and source not in have and source != TIME.name]
         missing += [any_output] if outputs_too and not measured_outputs(model, measurement) else []
         issues += [
             Issue(

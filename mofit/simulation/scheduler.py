@@ -97,13 +97,16 @@ class Scheduler:
     """Runs parameter sets through tests at given step levels; system, free and jobs as for `Simulator`.
 
     Parameter sets have shape (N, np), or (N, T, np) where each test has its own values. With ``one_loop`` one loop is
-    compiled for all cases rather than the fastest for each.
+    compiled for all cases rather than the fastest for each. With ``fixed_per_lane`` parameters that are not free go
+    into lanes in any case: right where they change from call to call.
     """
 
-    def __init__(self, system: System, free: Sequence[str], jobs: int, one_loop: bool = False) -> None:
+    def __init__(
+        self, system: System, free: Sequence[str], jobs: int, one_loop: bool = False, fixed_per_lane: bool = False
+    ) -> None:
         self.system, self.free, self.jobs = system, tuple(free), jobs
         self._order = free_first(system.parameters, free)
-        self._one_loop = one_loop
+        self._one_loop, self._fixed_per_lane = one_loop, fixed_per_lane
         self._kernels: dict[KernelKey, Kernel] = {}
         self._tables = Shelf()
 
@@ -156,8 +159,8 @@ class Scheduler:
         """The blocks of one test."""
         ordered = np.ascontiguousarray(p[:, self._order])
         fixed = ordered[:, len(self.free) :]
-        group, per_lane = np.zeros(len(p), dtype=int), False
-        if fixed.size and np.any(fixed != fixed[0]):
+        group, per_lane = np.zeros(len(p), dtype=int), self._fixed_per_lane
+        if not per_lane and fixed.size and np.any(fixed != fixed[0]):
             sets, group = np.unique(fixed, axis=0, return_inverse=True)
             per_lane = len(sets) > _MANY_SETS
             group = np.zeros_like(group) if per_lane else group.ravel()

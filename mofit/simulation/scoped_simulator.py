@@ -91,13 +91,14 @@ class ScopedSimulator(Simulator):
         weights: FloatArray | None = None,
     ) -> None:
         names = scopes.space.names
-        self._columns = np.array([system.parameters.index(name) for name in names], dtype=np.intp)
+        self.columns = np.array([system.parameters.index(name) for name in names], dtype=np.intp)
         self.scopes, self._weights = scopes, weights
         every = (*free, *names)
         super().__init__(system, experiments, every, jobs=jobs, tolerance=tolerance, box=self._whole(box))
         self.free = tuple(free)
-        self._inner = Scheduler(system, names, jobs)
+        self._inner = Scheduler(system, names, jobs, fixed_per_lane=True)
         self._stiff = changes_stiffness(system, names)
+        self._search = _SEARCHED
         self._known: OrderedDict[bytes, Best] = OrderedDict()
 
     def _with(self, **changes: Any) -> ScopedSimulator:
@@ -126,14 +127,14 @@ class ScopedSimulator(Simulator):
         )  # fmt: skip
 
     def weighted(self, weights: FloatArray) -> ScopedSimulator:
-        """The same with other weights of the objectives (K,)."""
-        return self._with(_weights=weights)
+        """The same with other weights of the objectives (K,); what has weights is near its best, and solved exactly."""
+        return self._with(_weights=weights, _search=_INNER)
 
     def around(self, p: FloatArray) -> ScopedSimulator:
         """The same, looking for the scoped values near those that are best at one set (1, np)."""
         best = self.best(p)
-        values = best.values[0][:, self._columns]
-        return self._with(scopes=self.scopes.near([e.name for e in self.experiments], values))
+        values = best.values[0][:, self.columns]
+        return self._with(scopes=self.scopes.near([e.name for e in self.experiments], values), _search=_INNER)
 
     def without_tables(self) -> ScopedSimulator:
         """The same with none of the tables that speed up the next call."""
@@ -167,6 +168,13 @@ class ScopedSimulator(Simulator):
         best = self.best(p)
         return self._projected(best, *self._full(best)[1:])[0]
 
+    def scoped_slopes(self, p: FloatArray) -> Iterator[FloatArray]:
+        """Outputs at one set (1, np) and their derivatives by scoped parameters, (n, ny, 1 + L), test after test."""
+        best = self.best(p)
+        choices = self._choices(best.values)
+        for test, experiment in enumerate(self.experiments):
+            yield self._inner.stored([experiment], best.values[:, test], [choices[test]], True)[0][0]
+
     def one_by_one(self, p: ArrayLike, derivatives: bool) -> Iterator[FloatArray]:
         """Outputs of every test and, with ``derivatives``, their slopes, (N, n, ny, 1 + nf), one after the other."""
         best = self.best(p)
@@ -199,20 +207,20 @@ class ScopedSimulator(Simulator):
     def _whole(self, box: Box) -> Box:
         """The box with the whole range of the scoped parameters."""
         lower, upper = (np.array(bound, dtype=float) for bound in box)
-        lower[self._columns], upper[self._columns] = self.scopes.space.lower, self.scopes.space.upper
+        lower[self.columns], upper[self.columns] = self.scopes.space.lower, self.scopes.space.upper
         return lower, upper
 
     def _full(self, best: Best) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Cost (N, K), gradient and matrix by free and scoped parameters together, the latter in unit coordinates."""
         sums = self._scheduler.reduced(self.experiments, best.values, self._choices(best.values), True)
-        cost, gradient, normal = _unpacked(self._of_objectives(sums), len(self.free) + len(self._columns))
+        cost, gradient, normal = _unpacked(self._of_objectives(sums), len(self.free) + len(self.columns))
         slope = np.ones((*gradient.shape[:2], gradient.shape[2]))
-        slope[..., len(self.free) :] = self._unit_slopes(best.values)[:, self._tests]
+        slope[..., len(self.free) :] = self._unit_slopes(best.values)[:, self.objective_tests]
         return cost, gradient * slope, normal * slope[..., None] * slope[..., None, :]
 
     def _projected(self, best: Best, gradient: FloatArray, normal: FloatArray) -> tuple[FloatArray, ...]:
         """D in values of the scoped parameters (N, T, L, nf), gradient (N, K, nf), upper triangle of the matrix."""
-        count, at = len(self.free), self._tests
+        count, at = len(self.free), self.objective_tests
         weights = self._weights_of(len(at))[:, None, None]
         mixed = best.unknowns.summed_vectors(at, weights * normal[..., count:, :count])
         mixed[best.held()] = 0.0
@@ -226,7 +234,7 @@ class ScopedSimulator(Simulator):
         return unit * self._unit_slopes(best.values)[..., None], gradient, total[..., row, column]
 
     @property
-    def _tests(self) -> NDArray[np.intp]:
+    def objective_tests(self) -> NDArray[np.intp]:
         """Test of every objective."""
         return np.array([test for test, _ in objective_pairs(self.experiments)], dtype=np.intp)
 
@@ -235,18 +243,17 @@ class ScopedSimulator(Simulator):
 
     def _unit_slopes(self, values: FloatArray) -> FloatArray:
         """Derivative of the scoped values by their unit coordinates, (N, T, L), at sets (N, T, np)."""
-        return self.scopes.space.derivative(values[..., self._columns])
+        return self.scopes.space.derivative(values[..., self.columns])
 
     def _found(self, p: FloatArray) -> Best:
         """Minimise the squares of every group at every set, all together."""
         search = _Search(self, p)
         for start in search.starts:
             search.evaluate(np.tile(start, (len(p), 1, 1)).reshape(-1, start.shape[-1]), np.arange(search.value.size))
-        settings = _SEARCHED if self.scopes.known is None else _INNER
-        minimise_each(search.evaluate, search.unit.reshape(-1, search.unit.shape[-1]).copy(), settings)
+        minimise_each(search.evaluate, search.unit.reshape(-1, search.unit.shape[-1]).copy(), self._search)
         unit, cost = search.unit, search.cost
         values = np.repeat(p[:, None], len(self.experiments), axis=1)
-        values[..., self._columns] = self.scopes.space.from_unit(search.unknowns.by_test(unit))
+        values[..., self.columns] = self.scopes.space.from_unit(search.unknowns.by_test(unit))
         return Best(search.unknowns, unit, values, cost, _solvable(search.normal, search.unknowns.used, unit))
 
 
@@ -262,10 +269,10 @@ class _Search:
         self.value = np.full((len(p), groups), np.inf)
         self.unit = np.tile(self.starts[0], (len(p), 1, 1))
         self.normal = np.zeros((len(p), groups, most, most))
-        self.cost = np.full((len(p), len(simulator._tests)), np.nan)
+        self.cost = np.full((len(p), len(simulator.objective_tests)), np.nan)
         counts = [np.count_nonzero(simulator.experiments[t].weights[:, y])
                   for t, y in objective_pairs(simulator.experiments)]  # fmt: skip
-        self.count = self.unknowns.summed(simulator._tests, np.array([counts], dtype=float))[0]
+        self.count = self.unknowns.summed(simulator.objective_tests, np.array([counts], dtype=float))[0]
 
     def _starts(self) -> FloatArray:
         """Where the search may begin, (S, G, m)."""
@@ -289,15 +296,15 @@ class _Search:
         wanted = np.zeros((len(active), len(unknowns.used)), dtype=bool)
         wanted[place, group] = True
         values = np.repeat(self.p[active][:, None], len(simulator.experiments), axis=1)
-        values[..., simulator._columns] = simulator.scopes.space.from_unit(unknowns.by_test(unit))
+        values[..., simulator.columns] = simulator.scopes.space.from_unit(unknowns.by_test(unit))
         masks = wanted[:, unknowns.group]
         choices = [
             replace(choice, taken=np.where(masks[:, t], choice.taken, -1))
             for t, choice in enumerate(simulator._choices(values))
         ]
         sums = simulator._inner.reduced(simulator.experiments, values, choices, True)
-        cost, gradient, normal = _unpacked(simulator._of_objectives(sums), len(simulator._columns))
-        tests = simulator._tests
+        cost, gradient, normal = _unpacked(simulator._of_objectives(sums), len(simulator.columns))
+        tests = simulator.objective_tests
         slope = simulator._unit_slopes(values)[:, tests]
         weights = simulator._weights_of(len(tests))
         squares = unknowns.summed(tests, weights * cost)
@@ -325,7 +332,7 @@ class _Search:
         self.value[active[row], group] = value[row, group]
         self.unit[active[row], group] = unit[row, group]
         self.normal[active[row], group] = matrix[row, group]
-        row, k = np.nonzero(better[:, self.unknowns.group[self.simulator._tests]])
+        row, k = np.nonzero(better[:, self.unknowns.group[self.simulator.objective_tests]])
         self.cost[active[row], k] = cost[row, k]
 
 

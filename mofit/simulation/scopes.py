@@ -76,6 +76,10 @@ class Unknowns:
     """Place of every parameter's value among those of its group, (T, L)."""
     used: NDArray[np.bool_]
     """Which places each group has, (G, m): m is that of the largest."""
+    parameter: NDArray[np.intp]
+    """Parameter of every place, (G, m); 0 where there is none."""
+    first_test: NDArray[np.intp]
+    """A test that has the value of the place, (G, m)."""
 
     def by_test(self, values: FloatArray) -> FloatArray:
         """Values (N, G, m, ...) of the groups as those of the tests, (N, T, L, ...)."""
@@ -128,7 +132,11 @@ def _unknowns(labels: Sequence[tuple[str, ...]]) -> Unknowns:
     ]
     sizes = np.array([len(cells) for cells in places])
     used = np.arange(sizes.max(initial=0)) < sizes[:, None]
-    return Unknowns(groups, np.array(place, dtype=np.intp).reshape(len(labels), -1), used)
+    table = np.array(place, dtype=np.intp).reshape(len(labels), -1)
+    parameter, first_test = np.zeros(used.shape, dtype=np.intp), np.zeros(used.shape, dtype=np.intp)
+    parameter[groups[:, None], table] = np.arange(table.shape[1])
+    first_test[groups[:, None], table] = np.arange(len(labels))[:, None]
+    return Unknowns(groups, table, used, parameter, first_test)
 
 
 def changes_stiffness(system: System, names: Sequence[str]) -> bool:

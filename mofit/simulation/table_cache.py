@@ -22,6 +22,7 @@ class Shelf:
     def __init__(self) -> None:
         #: table and number of its last use, the longest unused first
         self._kept: dict[Hashable, tuple[Table, int]] = {}
+        self._bytes = 0
         _shelves.add(self)
 
     def table(self, name: Hashable, make: Callable[[], Table], used: Set[Hashable]) -> Table:
@@ -39,7 +40,17 @@ class Shelf:
         with _lock:
             if _room_for(table.nbytes, self, used):
                 self._kept[name] = table, next(_calls)
+                self._bytes += table.nbytes
         return table
+
+    def _oldest(self) -> tuple[int, Hashable] | None:
+        """Last use and name of the longest unused table."""
+        return next(((call, name) for name, (_, call) in self._kept.items()), None)
+
+    def _drop(self, name: Hashable) -> int:
+        freed = self._kept.pop(name)[0].nbytes
+        self._bytes -= freed
+        return freed
 
 
 _shelves: WeakSet[Shelf] = WeakSet()
@@ -48,15 +59,13 @@ _shelves: WeakSet[Shelf] = WeakSet()
 def _room_for(needed: int, own: Shelf, used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
     shelves = list(_shelves)
-    room = KEPT_BYTES - sum(table.nbytes for shelf in shelves for table, _ in shelf._kept.values())
-    spare = [
-        (call, shelf, name)
-        for shelf in shelves
-        for name, (_, call) in shelf._kept.items()
-        if shelf is not own or name not in used
-    ]
-    for _, shelf, name in sorted(spare, key=lambda entry: entry[0]):
-        if room >= needed:
-            break
-        room += shelf._kept.pop(name)[0].nbytes
-    return room >= needed
+    room = KEPT_BYTES - sum(shelf._bytes for shelf in shelves)
+    while room < needed:
+        oldest = [(found, shelf) for shelf in shelves if (found := shelf._oldest())]
+        # this call has used the last ones of its own shelf: where the first is among them, all are
+        spare = [(*found, shelf) for found, shelf in oldest if shelf is not own or found[1] not in used]
+        if not spare:
+            return False
+        _, name, shelf = min(spare, key=lambda entry: entry[0])
+        room += shelf._drop(name)
+    return True

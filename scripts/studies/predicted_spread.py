@@ -113,7 +113,7 @@ def estimate(
     wide = adjusted_posterior(counted, found.point)
     (moved, *_) = merge(refine(wide.evaluate, found.point[None], RefineSettings(merge=None)))
     freedom = wide.adjustment.freedom  # the likelihood is Student-t: wider than its curvature at the top says
-    precision = (1 - 2 / freedom) * wide.adjustment.precision + wide.problem.prior_density.precision
+    precision = (1 - 2 / freedom) * wide.adjustment.precision + wide.problem.main.prior_density.precision
     claimed = np.sqrt(np.diag(laplace_covariance(precision)))
     values = space.from_unit(moved.point)
     return values, claimed * space.derivative(values)

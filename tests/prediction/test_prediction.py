@@ -16,6 +16,7 @@ from mofit.errors import InputError
 from mofit.identification.settings import Settings
 from mofit.prediction.band import mixture_quantile
 from mofit.prediction.draws import posterior_draws
+from mofit.prediction.scoped import ScopedValue
 from mofit.prediction.transfer import transferred
 from mofit.results import prediction_rows
 
@@ -153,19 +154,10 @@ def leaning(tmp_path_factory):
     return mofit.identify(straight_line.campaign(*tests), straight_line.Leaning(), settings, out=folder)[1]
 
 
-def with_scoped(tree: xr.DataTree) -> xr.DataTree:
-    """The result with the group of its scoped estimates."""
-    tree = tree.copy()
-    labels = [[f"t{n}", f"load = {n % 2:g}"] for n in range(4)]
-    values = [[n - 1.5, (1.0, -2.0)[n % 2]] for n in range(4)]
-    dims = ("test", "parameter_scoped")
-    tree["modes/m1/scoped"] = xr.DataTree(
-        xr.Dataset(
-            {"value": (dims, values), "sd": (dims, np.full((4, 2), 0.02)), "label": (dims, labels)},
-            {"test": [f"t{n}" for n in range(4)], "parameter_scoped": ["b", "c"]},
-        )
-    )
-    return tree
+def without_scoped(tree: xr.DataTree) -> xr.DataTree:
+    """The result as of a run that tells nothing of its scoped parameters."""
+    groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree if node.name != "scoped"}
+    return xr.DataTree.from_dict(groups)
 
 
 def test_scoped_parameters_are_fitted_to_a_measured_record(leaning):
@@ -180,9 +172,9 @@ def test_scoped_parameters_are_fitted_to_a_measured_record(leaning):
 def test_scoped_parameters_without_a_measured_output(leaning):
     blind = straight_line.unmeasured(straight_line.leaning_test("blind", 1.0, b=4.0, c=0.7))
     records, model = straight_line.campaign(blind), straight_line.Leaning()
-    nominal = mofit.predict(leaning, records, model=model)
+    nominal = mofit.predict(without_scoped(leaning), records, model=model)
     assert json.loads(nominal.attrs["scoped"])["blind"] == {"b": "nominal", "c": "nominal"}
-    known = mofit.predict(with_scoped(leaning), records, model=model)
+    known = mofit.predict(leaning, records, model=model)
     assert json.loads(known.attrs["scoped"])["blind"] == {"b": "mean", "c": "identified"}
     x, z = (blind.experiment.inputs[name] for name in ("displacement", "lever"))
     # offsets of -1.5 to 1.5 have a standard deviation of 1.29; the median of 200 draws lies within 0.1 of their mean
@@ -190,9 +182,19 @@ def test_scoped_parameters_without_a_measured_output(leaning):
     assert prediction_rows(known)[0]["parameter_sd"] == pytest.approx(1.29, rel=0.15)
 
 
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_a_pooled_parameter_is_drawn_from_its_normal(scale):
+    parameter = mofit.Parameter("b", "N", 0.01, 1e4, 1.0, scale, per="test", pooled=True)
+    known = {"b_mean": np.full(4000, 10.0), "b_spread": np.full(4000, 0.2)}
+    draws = ScopedValue(parameter, "pooled", np.nan, np.nan).draws(known, 4000, np.random.default_rng(0))
+    values = np.log(draws / 10) if scale == "log" else draws - 10
+    assert values.mean() == pytest.approx(0.0, abs=0.01)
+    assert values.std() == pytest.approx(0.2, rel=0.03)
+
+
 def test_a_condition_that_was_identified_is_not_fitted_again(leaning):
     new = straight_line.leaning_test("new", 1.0, b=4.0, c=-2.0, seed=9)
-    found = mofit.predict(with_scoped(leaning), straight_line.campaign(new), model=straight_line.Leaning())
+    found = mofit.predict(leaning, straight_line.campaign(new), model=straight_line.Leaning())
     (row,) = prediction_rows(found)
     assert row["scoped"] == {"b": "fitted", "c": "identified"}
     assert row["rms"] == pytest.approx(straight_line.NOISE, rel=0.05)

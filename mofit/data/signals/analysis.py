@@ -20,6 +20,8 @@ from mofit.quantities import SINGLE_EXCITATIONS
 _SHORTEST_OVERLAP = 64
 #: tests whose analysis is cached: every problem on a campaign needs it again
 _CACHED = 64
+#: methods that see the noise in what repeats
+REPEATS = ("period to period", "overlap of periods")
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,11 @@ class SignalAnalysis:
     noise_floor: Mapping[str, float]
     """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the noise was told from the signal by what repeats, coloured or not."""
+        return self.noise_method in REPEATS
+
 
 @lru_cache(maxsize=_CACHED)
 def analyse(measurement: Measurement, driver: str | None = None, output: str | None = None) -> SignalAnalysis:
@@ -95,9 +102,9 @@ def analyse(measurement: Measurement, driver: str | None = None, output: str | N
     noise = {}
     for name, values in channels.items():
         if period and periods >= 2:
-            noise[name], method = repeat_noise(time[kept], values[kept], period), "period to period"
+            noise[name], method = repeat_noise(time[kept], values[kept], period), REPEATS[0]
         elif period and time[-1] - time[0] > period + _SHORTEST_OVERLAP * experiment.step:
-            noise[name], method = overlap_noise(time, values, period), "overlap of periods"
+            noise[name], method = overlap_noise(time, values, period), REPEATS[1]
         else:
             noise[name], method = residual_noise(values[kept])
     floor = {name: noise[name] / float(np.ptp(measurement.channel(name))) for name in sorted(outputs)}

@@ -5,6 +5,7 @@ r"""The noise of a record as a process: how it varies with the signal, and its a
 References
 ----------
 Percival and Walden, "Spectral Analysis for Physical Applications" (1993), ch. 9: Yule-Walker, Whittle's likelihood.
+Granger and Joyeux, "An introduction to long-memory time series models", J. Time Series Analysis 1 (1980).
 Burnham and Anderson, "Model Selection and Multimodel Inference" (2002), ch. 4: Akaike's weights.
 """
 
@@ -29,6 +30,12 @@ class SpectrumSettings:
 
     highest_order: int = 12
     """Of the autoregressive process: six resonances, two coefficients each."""
+    memories: tuple[float, ...] = (0.15, 0.3, 0.45)
+    """Exponents d of long memory that are tried; 1/f noise has 0.5."""
+    memory_order: int = 3
+    """Highest order of the autoregressive part beside long memory."""
+    memory_bins: int = 64
+    """Known bins from which long memory can be told from a short one."""
     bins_per_coefficient: int = 8
     """Known bins that each coefficient needs at least; with fewer it fits chance."""
     fill_rounds: int = 4
@@ -136,6 +143,9 @@ def noise_process(
 def autoregressive_spectrum(power: FloatArray, known: NDArray[np.bool_], count: int) -> tuple[FloatArray, FloatArray]:
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
+    Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times the spectrum of a
+    process of low order.
+
     Parameters
     ----------
     power
@@ -156,23 +166,56 @@ def autoregressive_spectrum(power: FloatArray, known: NDArray[np.bool_], count: 
     number = int(known.sum())
     if number == 0:
         return np.full(len(power), max(float(power.mean()), _TINY)), np.full(len(power), 2.0)
-    highest = min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4)
-    turn = np.exp(-2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(max(highest, 0) + 1)))
-    filled = np.where(known, power, power[known].mean())
-    criteria, logarithms, variances = [], [], []
+    highest = max(min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
+    turn = np.exp(-2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(highest + 1)))
+    fits = _fits(power, known, turn)
+    for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
+        shape = _long_memory(count, exponent)[: len(power)]
+        shorter = _fits(power / shape, known, turn[:, : SETTINGS.memory_order + 1])
+        logarithm = np.log(shape)
+        # one coefficient more, and as many ways for chance as exponents are tried
+        offset = float(np.sum(logarithm[known])) + 1 + np.log(len(SETTINGS.memories))
+        fits += [_Fit(fit.criterion + offset, fit.logarithm + logarithm, fit.variance) for fit in shorter]
+    weights = np.exp(min(fit.criterion for fit in fits) - np.array([fit.criterion for fit in fits]))
+    weights /= weights.sum()
+    mean, variance = np.zeros(len(power)), np.zeros(len(power))
+    for weight, fit in zip(weights, fits, strict=True):
+        mean += weight * fit.logarithm
+    for weight, fit in zip(weights, fits, strict=True):
+        variance += weight * (fit.variance + (fit.logarithm - mean) ** 2)
+    return np.exp(mean), np.maximum(2 / np.maximum(variance, 1 / count), 2.0)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A process: half of Akaike's criterion, log S on the bins, and the variance of that."""
+
+    criterion: float
+    logarithm: FloatArray
+    variance: FloatArray
+
+
+def _fits(power: FloatArray, known: NDArray[np.bool_], turn: FloatArray) -> list[_Fit]:
+    """Autoregressive processes of every order; ``turn`` is exp(-i omega lag), (bins, lags)."""
+    filled, found = np.where(known, power, power[known].mean()), []
     for order in range(turn.shape[1]):
         whitening, spectrum = _fitted(filled, power, known, turn[:, : order + 1])
         slopes = -2 * (turn[:, 1 : order + 1] / whitening[:, None]).real
         derivatives = np.concatenate([np.ones((len(power), 1)), slopes], axis=1)
         information = derivatives[known].T @ derivatives[known]
-        criteria.append(float(np.sum(np.log(spectrum[known]) + power[known] / spectrum[known])) + order + 1)
-        logarithms.append(np.log(spectrum))
-        variances.append(np.einsum("ki,ij,kj->k", derivatives, np.linalg.pinv(information), derivatives))
-    weights = np.exp(min(criteria) - np.array(criteria))
-    weights /= weights.sum()
-    mean = weights @ np.array(logarithms)
-    variance = weights @ (np.array(variances) + (np.array(logarithms) - mean) ** 2)
-    return np.exp(mean), np.maximum(2 / np.maximum(variance, 1 / count), 2.0)
+        criterion = float(np.sum(np.log(spectrum[known]) + power[known] / spectrum[known])) + order + 1
+        variance = np.einsum("ki,ij,kj->k", derivatives, np.linalg.pinv(information), derivatives)
+        found.append(_Fit(criterion, np.log(spectrum), variance))
+    return found
+
+
+def _long_memory(count: int, exponent: float) -> FloatArray:
+    r"""Spectrum :math:`|2 \sin(\omega/2)|^{-2d}` of fractional noise on the bins; the mean over its bin at zero."""
+    omega = 2 * np.pi * np.arange(count // 2 + 1) / count
+    shape = np.empty(len(omega))
+    shape[1:] = (2 * np.sin(omega[1:] / 2)) ** (-2 * exponent)
+    shape[0] = (np.pi / count) ** (-2 * exponent) / (1 - 2 * exponent)
+    return shape
 
 
 def _bins(periods: float, number: int) -> NDArray[np.int64]:

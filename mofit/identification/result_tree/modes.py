@@ -13,6 +13,7 @@ from mofit._typing import FloatArray
 from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.result import IdentificationResult, PosteriorMode
 from mofit.identification.result_tree.outputs import output_signals, over_tests, test_axes
+from mofit.identification.result_tree.scoped import scoped_group
 from mofit.models import Channel
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
@@ -34,6 +35,7 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         path = f"/modes/{mode.name}"
         groups[path] = _summary(path, problem, mode)
         groups[f"{path}/prediction"] = predictions(problem, mode.minimum.point)
+        groups |= scoped_group(f"{path}/scoped", problem, mode.minimum)
         groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
         if not mode.is_sampled:
             continue
@@ -71,13 +73,12 @@ def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
     chains, count, dimension = few.shape
     points = problem.layout.full(few.reshape(-1, dimension))
-
-    def simulated(test: int) -> FloatArray:
-        """One test at a time: all draws of all tests take several times the memory of the data."""
-        (values,) = problem.simulator.select([test]).simulate(points)
-        return np.asarray(values.reshape(chains, count, *values.shape[1:]), dtype=np.float32)
-
-    return output_signals(problem, [simulated(test) for test in range(len(problem.tests))], what="simulated")
+    # one test at a time: all draws of all tests take several times the memory of the data
+    simulated: list[FloatArray] = [
+        np.asarray(values[..., 0].reshape(chains, count, *values.shape[1:-1]), dtype=np.float32)
+        for values in problem.simulator.one_by_one(points, derivatives=False)
+    ]
+    return output_signals(problem, simulated, what="simulated")
 
 
 def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:

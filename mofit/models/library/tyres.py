@@ -73,7 +73,7 @@ class Tyre(Model):
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)
     conditions = ROLLING_CONDITIONS
-    excitations = ("sine",)
+    excitations = ("ramp", "sine", "chirp", "multisine", "free")
     stages = (
         Stage("steady_state", "steady state", "tmeasy_curve", ("step",), settled=True),
         Stage("spring", "spring", "quasi_static_spring", ("quasi_static",)),

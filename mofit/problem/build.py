@@ -1,0 +1,83 @@
+"""An identification problem from a model and the tests of a campaign."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+
+from mofit.data import Campaign
+from mofit.data.signals import analyse
+from mofit.models import Model, build_system
+from mofit.parameters import ParameterLayout, ParameterSpace
+from mofit.problem.objectives import first_noise
+from mofit.problem.prior import FLAT, GaussianPrior
+from mofit.problem.problem import TOLERANCE, Problem
+from mofit.simulation import Simulator, experiment_data, first_input, measured_outputs, require
+from mofit.simulation.requirements import undriven
+from mofit.simulation.scoped_simulator import ScopedSimulator
+from mofit.simulation.scopes import Scopes, scoped
+
+
+def build_problem(
+    model: Model,
+    campaign: Campaign,
+    *,
+    space: ParameterSpace | None = None,
+    fixed: Mapping[str, float] | None = None,
+    prior: GaussianPrior = FLAT,
+    settled: bool = False,
+    jobs: int = 1,
+) -> Problem:
+    """Join a model and the tests of a campaign.
+
+    Parameters
+    ----------
+    model
+        Its channels and conditions are looked up in every test.
+    campaign
+        All of its tests are used.
+    space
+        Free parameters, each with its scope; all of the model's if not given.
+    fixed
+        Values of parameters that are not free; nominal if not given.
+    prior
+        Knowledge from earlier stages.
+    settled
+        Use only the samples after each test's transient, periodic or not.
+    jobs
+        Threads; results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        With every channel and condition that a test lacks; of several outputs it may lack some.
+    """
+    system = build_system(model)
+    require(model, campaign)
+    shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
+    layout = ParameterLayout.of_model(model.parameters, shared, fixed)
+    tests = campaign.measurements
+    signals = tuple(
+        analyse(
+            test, None if undriven(model, test.experiment) else first_input(model), measured_outputs(model, test)[0]
+        )
+        for test in tests
+    )
+    experiments = tuple(
+        experiment_data(model, measurement, analysis, settled)
+        for measurement, analysis in zip(tests, signals, strict=True)
+    )
+    make = partial(ScopedSimulator, scopes=Scopes.of(own, tests)) if own.names else Simulator
+    simulator = make(system, experiments, shared.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box())
+    return Problem(
+        model=model,
+        system=system,
+        measurements=tuple(tests),
+        signals=signals,
+        layout=layout,
+        simulator=simulator,
+        experiments=experiments,
+        noise=replace(first_noise(model, tests, signals, experiments), absorbed=simulator.absorbed),
+        prior=prior,
+    )

@@ -1,0 +1,60 @@
+"""Estimates of the parameters that have a value per test or condition, with their spread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.parameters import ParameterSpace
+from mofit.problem.problem import Problem
+from mofit.simulation.scoped_simulator import ScopedSimulator
+
+
+@dataclass(frozen=True)
+class ScopedEstimates:
+    """Values of L scoped parameters in T tests; tests with one label share a value."""
+
+    space: ParameterSpace
+    values: FloatArray
+    """(T, L), in SI units."""
+    sd: FloatArray
+    """Standard deviation, (T, L): that of the value itself, and what the shared parameters leave open."""
+    at_bound: NDArray[np.int64]
+    """-1 at the lower, 1 at the upper end of the range, (T, L)."""
+    labels: tuple[tuple[str, ...], ...]
+    """What each value belongs to: a test or a condition with its value, (T, L)."""
+
+
+def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray) -> ScopedEstimates | None:
+    """Scoped values at a point (d,) with posterior covariance (d, d), both in unit coordinates; None without any."""
+    simulator = problem.simulator
+    if not isinstance(simulator, ScopedSimulator):
+        return None
+    p = problem.layout.full(point[None])
+    space, best = simulator.scopes.space, simulator.best(p)
+    values = best.values[0][:, simulator.columns]
+    if problem.pooling is None:
+        own = problem.scoped_covariance(point)
+        variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0] * space.derivative(values) ** 2
+    else:
+        z, own = problem.pooling.shrunk(simulator, p, problem.space, point[None])
+        log = np.array([one.scale == "log" for one in space.parameters])
+        values = best.unknowns.by_test(z[None])[0]
+        values = np.where(log, np.exp(np.where(log, values, 0.0)), values)
+        variance = best.unknowns.by_test(own[None])[0] * np.where(log, values, 1.0) ** 2
+    # D by unit coordinates of the shared parameters
+    count = len(simulator.free)
+    slopes = simulator.slopes(p)[0] * problem.space.derivative(problem.space.from_unit(point))[:count]
+    shared = np.einsum("tlf,fg,tlg->tl", slopes, covariance[:count, :count], slopes)
+    unit = best.unknowns.by_test(best.unit)[0]
+    tests = problem.tests
+    return ScopedEstimates(
+        space=space,
+        values=values,
+        sd=np.sqrt(variance + shared),
+        at_bound=(unit >= 1).astype(np.int64) - (unit <= 0),
+        labels=tuple(simulator.scopes.labels[test] for test in tests),
+    )
