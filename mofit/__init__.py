@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         with_effects,
     )
     from mofit.parameters import Parameter, ParameterSpace
+    from mofit.prediction.predict import predict
     from mofit.report import report_page
     from mofit.results.io import open_result as open
     from mofit.simulation.virtual_rig.rig import simulate
@@ -59,6 +60,7 @@ _HOMES = {
     "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
     "identify": ("mofit.identification.identify", "identify"),
     "open": ("mofit.results", "open_result"),
+    "predict": ("mofit.prediction.predict", "predict"),
     "report_page": ("mofit.report", "report_page"),
     "simulate": ("mofit.simulation.virtual_rig", "simulate"),
 }
@@ -85,6 +87,7 @@ __all__ = [
     "find_model",
     "identify",
     "open",
+    "predict",
     "read_campaign",
     "report_page",
     "simulate",

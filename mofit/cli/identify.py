@@ -43,6 +43,7 @@ def identify(
     all_freqs: bool = False,
     freq: tuple[float, ...] = (),
     test: Tests = (),
+    hold_out: tuple[str, ...] = (),
     model: ModelName = None,
     effect: Effects = (),
     search: Search = DEFAULT_SEARCH,
@@ -74,6 +75,8 @@ def identify(
         Use all tests whose excitation the model is made for; the default without --freq and --test.
     freq
         Use only the tests of this frequency in Hz; repeatable.
+    hold_out
+        Do not use the test of this name; it is predicted afterwards, and the report tells how well; repeatable.
     weights
         Weight of a test in the search, TEST=NUMBER; repeatable. Of several outputs "TEST / OUTPUT=NUMBER" names one.
     per_test
@@ -110,7 +113,8 @@ def identify(
         time_limit=seconds("--time-limit", time_limit),
     )
     with progress_bar() as progress, ended_in(time_limit, LATE):
-        folder, summary = identify_file(Job(file, model, effect, freq, test, settings, out, resume), progress)
+        job = Job(file, model, effect, freq, test, settings, out, resume, hold_out)
+        folder, summary = identify_file(job, progress)
     if as_json:
         print_json(summary)
     else:

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mofit.cli.predictions_shown import predictions_table, scoped_lines
 from mofit.runtime.progress import Progress as Listener
 
 
@@ -91,6 +92,10 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             console.print(_scoped(mode))
     if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
+    if summary.get("held_out"):
+        console.print(predictions_table(summary["held_out"]["tests"], "Predicted: held out and fitted"))
+        for line in scoped_lines(summary["held_out"]["tests"]):
+            console.print(line)
     if summary["search"]:
         console.print(_search_line(summary["search"]))
     for warning in summary["warnings"][len(summary["findings"]) :]:

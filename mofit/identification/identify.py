@@ -14,8 +14,8 @@ import xarray as xr
 from mofit.data import Campaign
 from mofit.identification.estimates import estimates
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
+from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
-from mofit.identification.problem_setup import choose_tests
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult, Located, PosteriorMode
 from mofit.identification.result_tree import assemble
@@ -25,6 +25,7 @@ from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
 from mofit.runtime.files import write_text
+from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
@@ -41,6 +42,7 @@ def identify(
     settings: Settings | None = None,
     *,
     tests: str | Sequence[str] = (),
+    hold_out: str | Sequence[str] = (),
     out: str | Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
@@ -57,6 +59,8 @@ def identify(
         Settings of the identification.
     tests
         Name or names of the tests of the main identification; by default all whose excitation the model is made for.
+    hold_out
+        Name or names of tests that are not used at all, but predicted afterwards: group ``held_out`` of the result.
     out
         Folder of the run; by default the next free one under ``runs/``.
     resume
@@ -81,15 +85,17 @@ def identify(
     campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
-    chosen = choose_tests(model, campaign, as_names(tests))
+    whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
+    chosen = remaining_tests(model, campaign, whole, as_names(tests))
     configuration = {
         "model": model.name,
         "equations": build_system(model).hash(),
-        "campaign": campaign.hash(),
+        "campaign": whole.hash(),
         "tests": list(chosen),
         **settings.deciding(),
+        **({"hold_out": list(as_names(hold_out))} if hold_out else {}),
     }
-    stem = f"{_slug(campaign.title)}-{model.name}"
+    stem = f"{slug(campaign.title) or 'run'}-{model.name}"
     with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
         log.write_to(folder.partial / LOG)
         located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress)
@@ -107,14 +113,14 @@ def identify(
             result = IdentificationResult(
                 **{**vars(located), "warnings": (*located.warnings, *unconverged)},
                 findings=_findings(located, modes, settings),
-                campaign=campaign,
+                campaign=whole,
                 configuration=configuration,
                 modes=modes,
                 references=groups,
                 seconds={**timer.seconds, **seconds, "total": timer.total},
             )
             progress("write", 0, 1, "result and report")
-            tree = assemble(result)
+            tree = with_predictions(assemble(result), model, whole, as_names(hold_out), chosen, settings.jobs)
             with drawn(tree, folder.partial):
                 write_result(tree, folder.partial)
             for warning in (*(finding.text for finding in result.findings), *result.warnings):
@@ -137,7 +143,3 @@ def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settin
         *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
         *ridges(space, best.minimum.point, whole, best.path),
     )
-
-
-def _slug(title: str) -> str:
-    return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40] or "run"

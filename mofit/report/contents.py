@@ -11,6 +11,7 @@ from mofit.report.errors import errors_section
 from mofit.report.estimates import estimates_section
 from mofit.report.method import provenance_section, run_method_section, uncertainty_method_section
 from mofit.report.per_test import per_test_section
+from mofit.report.predicted import held_out_section
 from mofit.report.search import search_section
 from mofit.report.signals import signals_section
 from mofit.report.summary import summary_section
@@ -26,6 +27,7 @@ CONTENTS = {
         estimates_section,
         errors_section,
         signals_section,
+        held_out_section,
         search_section,
         per_test_section,
         posterior_section,

@@ -2,9 +2,11 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import open_result, write_result
+from mofit.results.layout import OUTPUT_UNIT, OWN_UNIT
 from mofit.results.objectives import Objective, objectives, per_objective
+from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
 from mofit.results.reading import findings, green, parameter_layout, summary
-from mofit.results.schema import OUTPUT_UNIT, OWN_UNIT, SCHEMA
+from mofit.results.schema import SCHEMA
 from mofit.results.variables import (
     Signal,
     axis,
@@ -20,6 +22,7 @@ __all__ = [
     "OUTPUT_UNIT",
     "OWN_UNIT",
     "SCHEMA",
+    "SCOPED_SOURCES",
     "Objective",
     "Signal",
     "axis",
@@ -33,7 +36,10 @@ __all__ = [
     "open_result",
     "parameter_axis",
     "parameter_layout",
+    "parts_of_band",
     "per_objective",
+    "prediction_rows",
+    "prediction_summary",
     "quantity",
     "signal_dataset",
     "summary",

@@ -72,7 +72,7 @@ def _probability(mode: Mapping[str, Any]) -> str:
     return "nan" if mode["probability"] is None else repr(mode["probability"])
 
 
-def model_of_run(tree: xr.DataTree, model: str | None = None, effects: Sequence[str] = ()) -> Model:
+def model_of_run(tree: xr.DataTree, model: Model | str | None = None, effects: Sequence[str] = ()) -> Model:
     """The model that a run identified.
 
     Parameters
@@ -80,7 +80,8 @@ def model_of_run(tree: xr.DataTree, model: str | None = None, effects: Sequence[
     tree
         A ``mofit.result/2`` tree.
     model, effects
-        As they were given to ``mofit identify``; by default the shipped ones of the run's names.
+        As they were given to ``mofit identify``, or the model itself without its effects; by default the shipped ones
+        of the run's names.
 
     Raises
     ------
@@ -88,7 +89,8 @@ def model_of_run(tree: xr.DataTree, model: str | None = None, effects: Sequence[
         If it is no shipped model and none is given, or if its equations are not those that the run used.
     """
     name, *added = str(tree.attrs["model"]).split("+")
-    found = with_effects(find_model(model or name), *(find_effect(effect) for effect in (effects or added)))
+    base = model if isinstance(model, Model) else find_model(model or name)
+    found = with_effects(base, *(find_effect(effect) for effect in (effects or added)))
     used = json.loads(tree.attrs["configuration"]).get("equations")
     if build_system(found).hash() != used:
         what = f"its equations are not those that the run identified ('{tree.attrs['model']}')"

@@ -15,6 +15,8 @@ from mofit.runtime.files import read_tree, write_tree
 
 RESULT_FILE = "result.nc"
 
+#: predicted tests, which may have any name
+_RECORDS = "/held_out/"
 _HINT = "Write the run again with this version of mofit"
 
 
@@ -139,7 +141,7 @@ def _check_signals(tree: xr.DataTree) -> Iterator[Issue]:
     """Signals of a test run over ``time_<test>``, and over the outputs where there are several."""
     tests, last = _labels(tree, "test"), ("output",) * ("output" in tree.coords)
     for node in tree.subtree:
-        if node.name not in ("observed_data", "prediction", "posterior_predictive"):
+        if node.name not in ("observed_data", "prediction", "posterior_predictive") or node.path.startswith(_RECORDS):
             continue
         lead = ("chain", "draw") if node.name == "posterior_predictive" else ()
         for name, variable in node.data_vars.items():

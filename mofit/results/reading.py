@@ -12,6 +12,7 @@ import xarray as xr
 
 from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
 from mofit.results.objectives import objectives, per_objective
+from mofit.results.predictions import parts_of_band, prediction_rows
 
 
 def parameter_layout(tree: xr.DataTree) -> ParameterLayout:
@@ -63,6 +64,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "baseline": _baseline(tree),
         "modes": [_mode(tree, name, node, units) for name, node in tree["modes"].children.items()],
         "per_frequency": _per_frequency(tree),
+        "held_out": _held_out(tree),
         "warnings": [*(entry["text"] for entry in findings(tree)), *json.loads(tree.attrs["warnings"])],
     }
 
@@ -171,6 +173,14 @@ def _per_frequency(tree: xr.DataTree) -> list[dict[str, Any]]:
         for minimum in range(node.sizes["minimum"])
         if np.isfinite((at := node.sel(test=test).isel(minimum=minimum))["nrmsd"]).any()
     ]
+
+
+def _held_out(tree: xr.DataTree) -> dict[str, Any] | None:
+    """How the tests that were held out are predicted, beside those that were fitted; None without any."""
+    if "held_out" not in tree.children:
+        return None
+    node = tree.children["held_out"]
+    return {**parts_of_band(node), "tests": prediction_rows(node)}
 
 
 def _of_outputs(nrmsd: xr.DataArray) -> float | dict[str, float | None]:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import partial
+
+from mofit.results.layout import OWN_UNIT, Group, Variable
+from mofit.results.layout import optional as _optional
+from mofit.results.prediction_schema import HELD_OUT, RECORD
 
 SCHEMA = "mofit.result/2"
 EARLIER = ("mofit.result/1",)
-
-#: units of a variable over parameters: each has its own, which the coordinate ``unit`` beside it names
-OWN_UNIT = "as unit"
-
-#: the same of a variable over outputs: the coordinate ``output_unit`` names them
-OUTPUT_UNIT = "as output_unit"
 
 #: what the labels along a dimension are
 AXES = {
@@ -27,46 +23,8 @@ AXES = {
     "chain": "independent ensemble of walkers",
     "draw": "draw from the posterior within its ensemble",
     "checkpoint": "evaluations of the search so far",
+    "record": "predicted test",
 }
-
-
-@dataclass(frozen=True)
-class Variable:
-    """A variable of a group.
-
-    Parameters
-    ----------
-    dims
-        Names of the dimensions, separated by spaces; ``{stage}`` is the name of a calibration stage, and ``[output]``
-        is there only where the model has several outputs.
-    units
-        SI unit, ``"1"`` without one; empty where it depends on the model or the campaign.
-    long_name
-        What it is, in a few words; empty where it depends on the model.
-    required
-        Whether a result without it is refused; of a group that is there.
-    """
-
-    dims: str
-    units: str
-    long_name: str
-    required: bool = True
-
-    def over(self, stage: str, several: bool) -> tuple[str, ...]:
-        """Its dimensions in a group of a stage, of a model with one output or with ``several``."""
-        return tuple(self.dims.format(stage=stage).replace("[output]", "output" if several else "").split())
-
-
-_optional = partial(Variable, required=False)
-
-
-@dataclass(frozen=True)
-class Group:
-    """Variables of a group by name, its required attributes, and whether every result has it."""
-
-    variables: Mapping[str, Variable] = field(default_factory=dict)
-    attributes: tuple[str, ...] = ()
-    required: bool = False
 
 
 #: attributes of the root that hold JSON
@@ -224,8 +182,7 @@ _CALIBRATION = Group(
     },
     ("model", "tests"),
 )
-
-#: every group by its path; ``*`` is the name of a mode or of a calibration stage
+#: every group by its path; ``*`` is the name of a mode, of a calibration stage or of a predicted test
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
     "/parameters": _PARAMETERS,
@@ -242,6 +199,8 @@ GROUPS: Mapping[str, Group] = {
     "/modes/*/sample_stats": _SAMPLE_STATS,
     "/mixture": _MIXTURE,
     "/mixture/sample_stats": Group({"mode": Variable("chain draw", "1", "number of the mode: 2 is m2")}),
+    "/held_out": HELD_OUT,
+    "/held_out/tests/*": RECORD,
     "/observed_data": Group(required=True),
     "/constant_data": Group(required=True),
 }
@@ -250,6 +209,8 @@ GROUPS: Mapping[str, Group] = {
 def group_at(path: str) -> tuple[Group, str]:
     """The group of a path, and the name of its mode or stage; an unknown group is empty."""
     parts = path.strip("/").split("/")
+    if parts[:2] == ["held_out", "tests"] and len(parts) == 3:
+        return RECORD, parts[2]
     name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
     key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
     return GROUPS.get(key, Group()), name

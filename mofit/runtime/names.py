@@ -24,3 +24,8 @@ def shortened(path: Path) -> str:
     """A path for a message, its middle left out where it is long."""
     text = str(path)
     return text if len(text) <= 120 else f"{text[:60]}…{text[-40:]}"
+
+
+def slug(title: str) -> str:
+    """A title as the name of a folder: small letters and digits with hyphens between; empty if it has neither."""
+    return "-".join("".join(c if c.isalnum() else " " for c in title.lower()).split())[:40]

@@ -37,8 +37,11 @@ def require(model: Model, campaign: Campaign) -> None:
     raise_errors(lacking(model, campaign))
 
 
-def lacking(model: Model, campaign: Campaign) -> list[Issue]:
-    """Every channel and condition of the model that a test of the campaign lacks; some of several outputs may."""
+def lacking(model: Model, campaign: Campaign, *, outputs_too: bool = True) -> list[Issue]:
+    """Every channel and condition of the model that a test of the campaign lacks; some of several outputs may.
+
+    A prediction needs no output at all: ``outputs_too`` is False.
+    """
     issues = []
     inputs = [channel.derivative_of or channel.name for channel in model.inputs]
     outputs = [f"'{channel.name}'" for channel in model.outputs]
@@ -49,7 +52,7 @@ def lacking(model: Model, campaign: Campaign) -> list[Issue]:
         conditions = all_conditions(measurement.experiment)
         driven = not undriven(model, measurement.experiment)
         missing = [f"channel '{source}'" for source in inputs if driven and source not in have and source != TIME.name]
-        missing += [] if measured_outputs(model, measurement) else [any_output]
+        missing += [any_output] if outputs_too and not measured_outputs(model, measurement) else []
         issues += [
             Issue(
                 where,

@@ -38,6 +38,8 @@ class Job:
     """Folder to write; None means the next free one under ``runs/``."""
     resume: bool = False
     """Resume an interrupted identification."""
+    hold_out: tuple[str, ...] = ()
+    """Tests that an identification does not use, but predicts."""
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
@@ -46,8 +48,9 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     model = with_effects(chosen, *(find_effect(name) for name in job.effects))
     tests = _tests(campaign, model, job)
     folder, tree = identify(
-        campaign, model, job.settings, tests=tests, out=job.out, resume=job.resume, progress=progress
-    )
+        campaign, model, job.settings, tests=tests, hold_out=job.hold_out, out=job.out, resume=job.resume,
+        progress=progress,
+    )  # fmt: skip
     return folder, summary(tree, folder)
 
 

@@ -10,7 +10,9 @@ import xarray as xr
 
 from mofit.cli import main
 
-COMMANDS = tuple("check identify simulate import export report uncertainty compare design diagnose batch".split())
+COMMANDS = tuple(
+    "check identify simulate import export predict report uncertainty compare design diagnose batch".split()
+)
 
 
 def mofit(*arguments, cwd=None):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mofit.data import bundled_campaign, read_campaign
+from mofit.data import Campaign, Experiment, Measurement, bundled_campaign, read_campaign, write_campaign
 from mofit.errors import InputError
 from mofit.models import build_system, find_model
 from mofit.simulation.virtual_rig import plan as plans
@@ -108,9 +108,9 @@ def test_effects_join_where_they_can(run):
         ("periods = 3", 'periods = 3\nramp_rate = "1 mm/s"', "no use for 'ramp_rate'"),
         ("periods = 3", "period = 3", "Did you mean 'periods'"),
         ('kind = "sine"', 'kind = "sinus"', "Did you mean 'sine'"),
-        ('kind = "sine"', 'kind = "free"', "unknown kind 'free'"),
+        ('kind = "sine"', 'kind = "free"', "free needs 'record'"),
         ('sample_rate = "200 Hz"', 'sample_rate = "-1 Hz"', "not above 0"),
-        ('sample_rate = "200 Hz"', "", "missing"),
+        ('sample_rate = "200 Hz"', "", "sine needs 'sample_rate'"),
         ("seed = 1", "", "missing"),
         ("seed = 1", "seed = 1\nsede = 2", "unknown key"),
         ("seed = 1", "seed = ", "no valid TOML"),
@@ -274,3 +274,80 @@ def test_any_text_and_number_survives(tmp_path_factory, title, name, number, con
         ),
     )
     assert read_back(plan, tmp_path_factory.mktemp("plans")) == plan
+
+
+EARTHQUAKE = """
+title = "replay"
+model = "kelvin_voigt_damper"
+seed = 1
+
+[parameters]
+c = "2 kN/m"
+d = "500 N s/m"
+F_0 = 4
+
+[[tests]]
+name = "shaken"
+kind = "free"
+record = "measured.nc"
+test = "earthquake"
+"""
+
+
+@pytest.fixture
+def measured(tmp_path):
+    """A campaign file beside the plan: a record of any shape, with the force of another specimen."""
+    time = np.arange(0, 6, 0.005)
+    x = 0.01 * np.exp(-0.3 * time) * np.sin(2 * np.pi * time) + 0.002 * np.sin(17 * time)
+    experiment = Experiment("earthquake", "free", time, {"displacement": x}, {"load": 7.0}, transient=0.5)
+    units = {"displacement": "m", "force": "N"}
+    tests = (Measurement(experiment, {"force": np.cos(time)}, units),)
+    write_campaign(Campaign("site", "measured", {}, tests, units={"load": "N"}), tmp_path / "measured.nc")
+    return experiment
+
+
+def test_inputs_of_a_record_are_taken_as_they_are(run, measured):
+    campaign = run(EARTHQUAKE)
+    (shaken,) = campaign.measurements
+    assert (shaken.name, shaken.kind, campaign.source) == ("shaken", "free", "simulated")
+    np.testing.assert_array_equal(shaken.time, measured.time)
+    np.testing.assert_array_equal(shaken.experiment.inputs["displacement"], measured.inputs["displacement"])
+    x, time = measured.inputs["displacement"], measured.time
+    decay, angle = 0.01 * np.exp(-0.3 * time), 2 * np.pi * time
+    v = decay * (2 * np.pi * np.cos(angle) - 0.3 * np.sin(angle)) + 0.002 * 17 * np.cos(17 * time)
+    assert shaken.outputs["force"] == pytest.approx(2000 * x + 500 * v + 4, abs=0.5)
+    assert dict(shaken.experiment.conditions) == {"load": 7.0}
+
+
+def test_conditions_of_the_plan_precede_those_of_a_record(run, measured):
+    campaign = run(EARTHQUAKE.replace("[parameters]", '[conditions]\nload = "3 N"\n\n[parameters]'))
+    assert campaign["shaken"].experiment.conditions["load"] == 3.0
+
+
+def test_records_and_planned_tests_stand_side_by_side(run, measured):
+    both = EARTHQUAKE.replace("[[tests]]", '[defaults]\nsample_rate = "200 Hz"\n\n[[tests]]')
+    both += '\n[[tests]]\nname = "slow"\nkind = "sine"\namplitude = "10 mm"\nfrequency = "1 Hz"\nperiods = 3\n'
+    campaign = run(both)
+    assert campaign.tests == ("shaken", "slow")
+    assert campaign["slow"].experiment.start_time == pytest.approx(6 - 0.005)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("measured.nc", "absent.nc", "absent.nc"),
+        ('"earthquake"', '"earthquak"', "Did you mean 'earthquake'"),
+        ('test = "earthquake"', "", "needs 'test'"),
+        ('test = "earthquake"', 'test = "earthquake"\nperiods = 3', "no use for 'periods'"),
+        ('test = "earthquake"', 'test = "earthquake"\nsample_rate = 10', "no use for 'sample_rate'"),
+        ('kind = "free"', 'kind = "fre"', "Did you mean"),
+        ('kelvin_voigt_damper"', 'maxwell_tyre"', "slip_angle"),
+    ],
+)
+def test_an_unusable_record_is_named(run, measured, old, new, message):
+    text = EARTHQUAKE.replace(old, new)
+    if "maxwell" in new:
+        text = text[: text.index("[parameters]")] + text[text.index("[[tests]]") :]
+    with pytest.raises(InputError) as caught:
+        run(text)
+    assert message in str(caught.value)

@@ -31,10 +31,13 @@ OPTIONAL = {"step": ("delay",)}
 _COMMON = {"name", "kind", "sample_rate", "conditions"}
 
 
+#: keys of a test of any kind that takes its inputs from a record, beside name and kind
+RECORDED = ("record", "test")
+
+
 def _known(kind: str) -> str:
-    if kind not in NEEDED:
-        hint = f"Plans know {', '.join(NEEDED)}" if kind in EXCITATION_KINDS else did_you_mean(kind, NEEDED)
-        raise ValueError(f"unknown kind '{kind}'. {hint}")
+    if kind not in EXCITATION_KINDS:
+        raise ValueError(f"unknown kind '{kind}'. {did_you_mean(kind, EXCITATION_KINDS)}")
     return kind
 
 
@@ -72,11 +75,17 @@ class NoisePlan(Strict):
 
 
 class TestPlan(Strict):
-    """One test; which keys it needs depends on its kind, see `NEEDED`."""
+    """One test; which keys it needs depends on its kind, see `NEEDED`.
+
+    A test of any kind may take its inputs from a measured one instead: ``record`` is a campaign file, relative to the
+    plan's folder, and ``test`` the name of a test in it.
+    """
 
     name: str
     kind: Kind
-    sample_rate: Quantity
+    record: str | None = None
+    test: str | None = None
+    sample_rate: Quantity | None = None
     amplitude: Quantity | None = None
     frequency: Quantity | None = None
     last_frequency: Quantity | None = None
@@ -90,12 +99,29 @@ class TestPlan(Strict):
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> TestPlan:
         given = {key for key in type(self).model_fields if getattr(self, key) not in (None, {})} - _COMMON
+        if given & set(RECORDED):
+            return self._keys_of_a_record(given)
+        if self.kind not in NEEDED:
+            raise ValueError(f"{self.kind} needs 'record', and 'test'. Plans can make {', '.join(NEEDED)}")
         needed, either = set(NEEDED[self.kind]), set(EITHER.get(self.kind, ()))
-        wrong = [f"{self.kind} needs '{key}'" for key in sorted(needed - given)]
+        absent = [*sorted(needed - given), *(["sample_rate"] if self.sample_rate is None else [])]
+        wrong = [f"{self.kind} needs '{key}'" for key in absent]
         if either and len(either & given) != 1:
             wrong.append(f"{self.kind} needs either 'periods' or 'duration'")
         spare = given - needed - either - set(OPTIONAL.get(self.kind, ()))
         wrong += [f"{self.kind} has no use for '{key}'" for key in sorted(spare)]
+        if wrong:
+            raise ValueError("; ".join(wrong))
+        return self
+
+    def beside(self, folder: Path) -> TestPlan:
+        """The test with its record found from the folder of the plan."""
+        return self if self.record is None else self.model_copy(update={"record": str(folder / self.record)})
+
+    def _keys_of_a_record(self, given: set[str]) -> TestPlan:
+        wrong = [f"an input from a record needs '{key}'" for key in RECORDED if key not in given]
+        spare = given - set(RECORDED) | ({"sample_rate"} if self.sample_rate is not None else set())
+        wrong += [f"an input from a record has no use for '{key}'" for key in sorted(spare)]
         if wrong:
             raise ValueError("; ".join(wrong))
         return self
@@ -132,11 +158,16 @@ def read_plan(path: Path) -> Plan:
     InputError
         With every issue: no file, no TOML, unknown or missing keys, values of the wrong kind.
     """
-    return read_toml(path, "plan", Plan, "docs/models.md", with_defaults)
+    plan = read_toml(path, "plan", Plan, "docs/models.md", with_defaults)
+    tests = [test.beside(path.parent) for test in plan.tests]
+    return plan.model_copy(update={"tests": tuple(tests)})
 
 
 def with_defaults(defaults: Mapping[str, Any], test: Mapping[str, Any]) -> dict[str, Any]:
     """A test with the defaults that its kind can use; a default does not compete with an alternative of the test."""
+    if set(RECORDED) & set(test):
+        kept = {key: value for key, value in defaults.items() if key in {"kind", "conditions", *RECORDED}}
+        return {**kept, **test}
     kind = str(test.get("kind", defaults.get("kind")))
     either = set(EITHER.get(kind, ()))
     useful = _COMMON | set(NEEDED.get(kind, ())) | either | set(OPTIONAL.get(kind, ()))

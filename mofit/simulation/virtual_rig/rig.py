@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.data.signals import smooth_derivative
 from mofit.errors import InputError
 from mofit.models import build_system
 from mofit.models.model import TIME
@@ -55,7 +56,7 @@ def run_plan(plan: Plan, where: str = "plan") -> Campaign:
         }
         outputs = {name: channels[name] for name in sorted(c.name for c in test.model.outputs)}
         inputs = {name: channels[name] for name in experiment.inputs}
-        units = {channel.name: channel.unit for channel in (test.excited, *test.model.outputs)}
+        units = {**test.input_units, **{channel.name: channel.unit for channel in test.model.outputs}}
         measurements.append(Measurement(replace(experiment, inputs=inputs), outputs, units))
         clock += float(experiment.time[-1]) + setup.pause
     return Campaign(
@@ -78,12 +79,9 @@ def run_plan(plan: Plan, where: str = "plan") -> Campaign:
 def respond(setup: Setup, test: TestSetup, experiment: Experiment) -> dict[str, FloatArray]:
     """Outputs of one test without noise, shape (n,) each."""
     model, system = test.model, build_system(test.model)
-    signal = experiment.inputs[test.excited.name]
-    # the signal is exact: the slope of its spline is as good as its derivative
-    slope = CubicSpline(experiment.time, signal).derivative()(experiment.time)
-    columns = {c.name: slope if c.derivative_of else signal for c in model.inputs if c.name != TIME.name}
+    columns = _columns(test, experiment)
     p = np.array([setup.values[name] for name in system.parameters])
-    shape = (len(signal), len(system.outputs))
+    shape = (len(experiment.time), len(system.outputs))
     complete = replace(experiment, conditions={**setup.conditions, **test.conditions})
     data = in_model_order(model, complete, columns, np.zeros(shape), np.ones(shape))
     output = Simulator(system, [data], ()).simulate(p)[0][0]
@@ -92,3 +90,21 @@ def respond(setup: Setup, test: TestSetup, experiment: Experiment) -> dict[str, 
             f"test '{experiment.name}'", f"model '{model.name}' gave no finite output", "Check its parameters"
         )
     return dict(zip(system.outputs, output.T, strict=True))
+
+
+def _columns(test: TestSetup, experiment: Experiment) -> dict[str, FloatArray]:
+    """The model's inputs (n,) with their derivatives.
+
+    A planned signal is exact: the slope of its spline is as good as its derivative. A record is measured: where its
+    derivative is needed, it is smoothed with it, as an identification sees it.
+    """
+    inputs, time = [c for c in test.model.inputs if c.name != TIME.name], experiment.time
+    if test.record is None:
+        signal = experiment.inputs[test.excited.name]
+        slope = CubicSpline(time, signal).derivative()(time)
+        return {c.name: slope if c.derivative_of else signal for c in inputs}
+    columns = dict(experiment.inputs)
+    for name in {c.derivative_of for c in inputs if c.derivative_of}:
+        smooth, slope = smooth_derivative(time, experiment.inputs[name])
+        columns |= {name: smooth, **{c.name: slope for c in inputs if c.derivative_of == name}}
+    return columns

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ParamSpec, TypeVar
 
 import numpy as np
 
-from mofit.data import Experiment
+from mofit.data import Campaign, Experiment, Measurement, read_campaign
 from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
+from mofit.models.model import TIME
 from mofit.quantities import CONDITIONS
 from mofit.simulation.requirements import TIME_CONDITIONS
 from mofit.simulation.virtual_rig.plan import EffectPlan, NoisePlan, Plan, TestPlan
@@ -35,6 +36,21 @@ class TestSetup:
     model: Model
     settings: Mapping[str, float]
     conditions: Mapping[str, float]
+    record: Measurement | None = None
+    """The measured test whose inputs are taken."""
+
+    @property
+    def input_units(self) -> dict[str, str]:
+        """Units of the inputs by name: the one that the rig moves, or all of a record that the model needs."""
+        if self.record is None:
+            return {self.excited.name: self.excited.unit}
+        units = {channel.name: channel.unit for channel in self.model.inputs}
+        return {name: units.get(name, self.record.units.get(name, "1")) for name in _sources(self.model)}
+
+    @property
+    def samples(self) -> float:
+        """Number of samples."""
+        return sample_count(self.plan.kind, self.settings) if self.record is None else len(self.record.time)
 
     @property
     def excited(self) -> Channel:
@@ -45,6 +61,15 @@ class TestSetup:
         self, rng: np.random.Generator, conditions: Mapping[str, float], start_time: float | None = None
     ) -> Experiment:
         """The test with its input signal; its own conditions override the common ones."""
+        if self.record is not None:
+            return replace(
+                self.record.experiment,
+                name=self.plan.name,
+                kind=self.plan.kind,
+                inputs={name: self.record.channel(name) for name in self.input_units},
+                conditions={**conditions, **self.conditions},
+                start_time=start_time,
+            )
         signal = excitation(self.plan.kind, self.settings, self.plan.lines, rng)
         return Experiment(
             name=self.plan.name,
@@ -100,12 +125,13 @@ def set_up(plan: Plan, where: str) -> Setup:
     tests = tuple(check.test(test, _responding(model, joining, test.kind), conditions) for test in plan.tests)
     noise, pause = check.noise(plan.noise, tests), check.number("pause", plan.pause, "s")
     raise_errors(check.issues)
+    units = {**check.units, **units}
     _require_memory(where, tests)
     return Setup(values, conditions, units, noise, pause, tests)
 
 
 def _require_memory(where: str, tests: Sequence[TestSetup]) -> None:
-    counts = {test.plan.name: sample_count(test.plan.kind, test.settings) for test in tests}
+    counts = {test.plan.name: test.samples for test in tests}
     total, longest = sum(counts.values()), max(counts, key=lambda name: counts[name])
     if not total <= MOST_SAMPLES:
         message = f"its tests have {total:.3g} samples, test '{longest}' alone {counts[longest]:.3g}"
@@ -115,6 +141,12 @@ def _require_memory(where: str, tests: Sequence[TestSetup]) -> None:
 
 def _excited(model: Model) -> Channel:
     return next(channel for channel in model.inputs if channel.derivative_of is None)
+
+
+def _sources(model: Model) -> list[str]:
+    """Channels that a model needs; some inputs are derivatives of them."""
+    names = dict.fromkeys(channel.derivative_of or channel.name for channel in model.inputs)
+    return [name for name in names if name != TIME.name]
 
 
 def _responding(model: Model, effects: Sequence[tuple[Effect, EffectPlan]], kind: str) -> Model:
@@ -131,6 +163,9 @@ class _Check:
     def __init__(self, where: str) -> None:
         self.where = where
         self.issues: list[Issue] = []
+        self.files: dict[str, Campaign | None] = {}
+        #: units of conditions that come with records
+        self.units: dict[str, str] = {}
 
     def add(self, place: str, message: str, hint: str) -> None:
         self.issues.append(Issue(f"{self.where}, {place}", message, hint))
@@ -179,6 +214,9 @@ class _Check:
     def test(self, test: TestPlan, model: Model, common: Mapping[str, float]) -> TestSetup:
         place = f"test '{test.name}'"
         own, _ = self.conditions(f"{place}, ", test.conditions, model)
+        record = self.record(place, test, model)
+        if record is not None:  # the plan's own conditions take precedence
+            own = {**{k: v for k, v in record.experiment.conditions.items() if k not in common}, **own}
         for condition in model.conditions:
             if condition.default is None and condition.name not in {*common, *own, *TIME_CONDITIONS}:
                 needed = f"condition '{condition.name}' in {condition.unit}"
@@ -191,7 +229,25 @@ class _Check:
                 settings[key] = self.number(f"{place}, {key}", value, target)
                 if key not in ("amplitude", "delay") and settings[key] <= 0:
                     self.add(f"{place}, {key}", f"{value} is not above 0", "Give a positive number")
-        return TestSetup(test, model, settings, own)
+        return TestSetup(test, model, settings, own, record)
+
+    def record(self, place: str, test: TestPlan, model: Model) -> Measurement | None:
+        """The measured test whose inputs a test takes; None without one, or with its issues collected."""
+        if test.record is None or test.test is None:
+            return None
+        if test.record not in self.files:
+            self.files[test.record] = self.attempt(read_campaign, test.record)
+        campaign = self.files[test.record]
+        found = None if campaign is None else self.attempt(campaign.__getitem__, test.test)
+        if campaign is None or found is None:
+            return None
+        self.units |= campaign.units
+        missing = [name for name in _sources(model) if name not in found.experiment.inputs]
+        for name in missing:
+            have = ", ".join(found.experiment.inputs) or "none"
+            what = f"model '{model.name}' needs the input '{name}'; test '{found.name}' of the record has {have}"
+            self.add(place, what, "Name another record or test")
+        return None if missing else found
 
     def noise(self, given: Mapping[str, NoisePlan], tests: Sequence[TestSetup]) -> dict[str, dict[str, float]]:
         """Noise settings by channel."""

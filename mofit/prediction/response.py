@@ -1,0 +1,128 @@
+"""The outputs of one record at draws of the parameters."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign, Measurement
+from mofit.data.signals import SignalAnalysis, analyse
+from mofit.errors import InputError
+from mofit.models import Model, System, build_system
+from mofit.parameters import Parameter, ParameterSpace
+from mofit.prediction.draws import posterior_draws
+from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_values
+from mofit.results import parameter_layout
+from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
+from mofit.simulation.ranges import data_scales, scaled
+from mofit.simulation.requirements import undriven
+from mofit.simulation.scoped_simulator import ScopedSimulator
+from mofit.simulation.scopes import Scopes
+
+#: Draws of the parameters: 5 % quantiles within 1.5 % of probability. Of long records fewer, but not less than these,
+#: so that their outputs take at most so many numbers.
+DRAWS, FEWEST_DRAWS, MOST_NUMBERS = 200, 20, 32_000_000
+#: Integration error that is allowed, relative to the output's range.
+TOLERANCE = 1e-5
+#: Room around the draws for which the integration steps are chosen, relative to their extent.
+_ROOM = 0.05
+
+
+@dataclass(frozen=True)
+class Response:
+    """Outputs of a record at draws (D, n, ny), where its scoped values come from, and the record as simulated."""
+
+    outputs: FloatArray
+    scoped: tuple[ScopedValue, ...]
+    experiment: ExperimentData
+
+
+@dataclass(frozen=True)
+class Identified:
+    """A run and its model: what responds to a record."""
+
+    tree: xr.DataTree
+    model: Model
+    jobs: int = 1
+
+    @cached_property
+    def system(self) -> System:
+        """The model in vector form."""
+        return build_system(self.model)
+
+    @property
+    def seed(self) -> int:
+        """That of the run."""
+        return int(self.tree.attrs["seed"])
+
+    @cached_property
+    def _configuration(self) -> dict[str, Any]:
+        return dict(json.loads(self.tree.attrs["configuration"]))
+
+    @cached_property
+    def _known(self) -> dict[str, FloatArray]:
+        """Draws of the free parameters by name, and values of the fixed ones."""
+        layout = parameter_layout(self.tree)
+        columns = posterior_draws(self.tree, DRAWS, self.seed).T
+        fixed = {name: np.full(DRAWS, value) for name, value in layout.fixed.items()}
+        return fixed | dict(zip(layout.space.names, columns, strict=True))
+
+    def scoped(self, measurement: Measurement) -> tuple[Parameter, ...]:
+        """Parameters with a value per test or condition, in ranges for the record."""
+        campaign = Campaign("record", "measured", {}, (measurement,))
+        model = scaled(self.model, data_scales(self.model, campaign))
+        return scoped_parameters(model.parameters, self._configuration, list(self._known))
+
+    def response(self, measurement: Measurement) -> Response:
+        """The outputs of a record from its first sample, at all draws whose simulation succeeds.
+
+        Raises
+        ------
+        InputError
+            If it succeeds at none.
+        """
+        model, measured = self.model, measured_outputs(self.model, measurement)
+        driver = None if undriven(model, measurement.experiment) else first_input(model)
+        analysis = analyse(measurement, driver, measured[0]) if measured else _NOTHING
+        experiment = experiment_data(model, measurement, analysis, False)
+        scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
+        count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
+        sets = self._sets(scoped, count)
+        fitted = [one.parameter for one in scoped if one.source == "fitted"]
+        (outputs,) = self._simulator(experiment, measurement, fitted, sets).simulate(sets)
+        good = np.isfinite(outputs).all(axis=(1, 2))
+        if not good.any():
+            message = f"model '{model.name}' gives no finite output at any draw of the run"
+            raise InputError.of(f"test '{measurement.name}'", message, "Check its inputs and conditions")
+        return Response(outputs[good], tuple(scoped), experiment)
+
+    def _sets(self, scoped: Sequence[ScopedValue], count: int) -> FloatArray:
+        """Values of all parameters, (count, np); those that are fitted have any."""
+        rng = np.random.default_rng((self.seed, 1))
+        values = dict(self._known)
+        for one in scoped:
+            values[one.parameter.name] = one.draws(self._known, DRAWS, rng)
+        return np.stack([values[name][:count] for name in self.system.parameters], axis=1)
+
+    def _simulator(
+        self, experiment: ExperimentData, measurement: Measurement, fitted: Sequence[Parameter], sets: FloatArray
+    ) -> Simulator:
+        """One of its own for every record, so that no other record changes its integration steps."""
+        low, high = sets.min(axis=0), sets.max(axis=0)
+        room = _ROOM * (high - low)
+        box = (np.where(low > 0, np.maximum(low - room, 0.5 * low), low - room), high + room)
+        if not fitted:
+            return Simulator(self.system, [experiment], (), jobs=self.jobs, tolerance=TOLERANCE, box=box)
+        scopes = Scopes.of(ParameterSpace(tuple(fitted)), [measurement])
+        return ScopedSimulator(self.system, [experiment], (), scopes, jobs=self.jobs, tolerance=TOLERANCE, box=box)
+
+
+#: What is known of a record without an output: it is not scored.
+_NOTHING = SignalAnalysis(None, 0, 0.0, 0.0, {}, "", {})
