@@ -25,25 +25,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import System
-from mofit.optimize import RefineSettings
-from mofit.optimize.levenberg_marquardt import minimise_each
 from mofit.simulation.experiment import ExperimentData, objective_pairs
 from mofit.simulation.scheduler import Scheduler
+from mofit.simulation.scoped_search import EXACT, ROUGH, ScopedSearch, unpacked
 from mofit.simulation.scopes import Scopes, Unknowns, changes_stiffness
 from mofit.simulation.simulator import Simulator
 from mofit.simulation.step_selection import Box
 from mofit.simulation.time_grid import StepChoice
 
-#: starts of the scoped values where nothing is known of them; a power of two keeps Sobol points balanced
-STARTS = 4
 #: results kept: cost and derivatives are often asked for at the same parameters
 _REMEMBERED = 4
 #: share of the mean curvature that a direction has at least
 _FLAT = 1e-10
-#: Newton's step at once: most scoped parameters enter linearly
-_INNER = RefineSettings(damping=1e-9, longest_step=1.0, merge=None)
-#: far from the best parameters roughly is enough
-_SEARCHED = replace(_INNER, decrease_tolerance=1e-3, gradient_tolerance=1e-2, max_iterations=10)
 
 
 @dataclass(frozen=True)
@@ -98,7 +91,7 @@ class ScopedSimulator(Simulator):
         self.free = tuple(free)
         self._inner = Scheduler(system, names, jobs, fixed_per_lane=True)
         self._stiff = changes_stiffness(system, names)
-        self._search = _SEARCHED
+        self._search = ROUGH
         self._known: OrderedDict[bytes, Best] = OrderedDict()
 
     def _with(self, **changes: Any) -> ScopedSimulator:
@@ -128,13 +121,13 @@ class ScopedSimulator(Simulator):
 
     def weighted(self, weights: FloatArray) -> ScopedSimulator:
         """The same with other weights of the objectives (K,); what has weights is near its best, and solved exactly."""
-        return self._with(_weights=weights, _search=_INNER)
+        return self._with(_weights=weights, _search=EXACT)
 
     def around(self, p: FloatArray) -> ScopedSimulator:
         """The same, looking for the scoped values near those that are best at one set (1, np)."""
         best = self.best(p)
         values = best.values[0][:, self.columns]
-        return self._with(scopes=self.scopes.near([e.name for e in self.experiments], values), _search=_INNER)
+        return self._with(scopes=self.scopes.near([e.name for e in self.experiments], values), _search=EXACT)
 
     def without_tables(self) -> ScopedSimulator:
         """The same with none of the tables that speed up the next call."""
@@ -213,7 +206,7 @@ class ScopedSimulator(Simulator):
     def _full(self, best: Best) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Cost (N, K), gradient and matrix by free and scoped parameters together, the latter in unit coordinates."""
         sums = self._scheduler.reduced(self.experiments, best.values, self._choices(best.values), True)
-        cost, gradient, normal = _unpacked(self._of_objectives(sums), len(self.free) + len(self.columns))
+        cost, gradient, normal = unpacked(self._of_objectives(sums), len(self.free) + len(self.columns))
         slope = np.ones((*gradient.shape[:2], gradient.shape[2]))
         slope[..., len(self.free) :] = self._unit_slopes(best.values)[:, self.objective_tests]
         return cost, gradient * slope, normal * slope[..., None] * slope[..., None, :]
@@ -245,103 +238,28 @@ class ScopedSimulator(Simulator):
         """Derivative of the scoped values by their unit coordinates, (N, T, L), at sets (N, T, np)."""
         return self.scopes.space.derivative(values[..., self.columns])
 
+    def _with_scoped(self, p: FloatArray, values: FloatArray) -> FloatArray:
+        """Sets (N, np) with scoped values (N, T, L), by test: (N, T, np)."""
+        whole = np.repeat(p[:, None], len(self.experiments), axis=1)
+        whole[..., self.columns] = values
+        return whole
+
     def _found(self, p: FloatArray) -> Best:
         """Minimise the squares of every group at every set, all together."""
-        search = _Search(self, p)
-        for start in search.starts:
-            search.evaluate(np.tile(start, (len(p), 1, 1)).reshape(-1, start.shape[-1]), np.arange(search.value.size))
-        minimise_each(search.evaluate, search.unit.reshape(-1, search.unit.shape[-1]).copy(), self._search)
+
+        def sums(rows: NDArray[np.int64], values: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
+            whole = self._with_scoped(p[rows], values)
+            choices = [
+                replace(choice, taken=np.where(wanted[:, test], choice.taken, -1))
+                for test, choice in enumerate(self._choices(whole))
+            ]
+            return self._of_objectives(self._inner.reduced(self.experiments, whole, choices, True))
+
+        search = ScopedSearch(self.scopes, self.experiments, sums, self._weights_of(len(self.objective_tests)), len(p))
+        search.minimise(self._search)
         unit, cost = search.unit, search.cost
-        values = np.repeat(p[:, None], len(self.experiments), axis=1)
-        values[..., self.columns] = self.scopes.space.from_unit(search.unknowns.by_test(unit))
+        values = self._with_scoped(p, self.scopes.space.from_unit(search.unknowns.by_test(unit)))
         return Best(search.unknowns, unit, values, cost, _solvable(search.normal, search.unknowns.used, unit))
-
-
-class _Search:
-    """The minimisation of every group's squares: a row is a set and a group, in this order."""
-
-    def __init__(self, simulator: ScopedSimulator, p: FloatArray) -> None:
-        self.simulator, self.p = simulator, p
-        self.unknowns = simulator.scopes.unknowns([e.name for e in simulator.experiments])
-        groups, most = self.unknowns.used.shape
-        self.starts = self._starts()
-        #: the best so far of every row
-        self.value = np.full((len(p), groups), np.inf)
-        self.unit = np.tile(self.starts[0], (len(p), 1, 1))
-        self.normal = np.zeros((len(p), groups, most, most))
-        self.cost = np.full((len(p), len(simulator.objective_tests)), np.nan)
-        counts = [np.count_nonzero(simulator.experiments[t].weights[:, y])
-                  for t, y in objective_pairs(simulator.experiments)]  # fmt: skip
-        self.count = self.unknowns.summed(simulator.objective_tests, np.array([counts], dtype=float))[0]
-
-    def _starts(self) -> FloatArray:
-        """Where the search may begin, (S, G, m)."""
-        scopes = self.simulator.scopes
-        space, names = scopes.space, [e.name for e in self.simulator.experiments]
-        if scopes.known is not None:
-            return self.unknowns.by_group(space.to_unit(np.stack([scopes.known[name] for name in names])))[None]
-        from scipy.stats import qmc  # late: its import takes half a second
-
-        points = qmc.Sobol(len(space), scramble=False).random(STARTS)
-        points[0] = space.to_unit(space.nominal)
-        return np.stack([self.unknowns.by_group(np.tile(point, (len(names), 1))) for point in points])
-
-    def evaluate(self, points: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        r"""Value :math:`\tfrac n2 \log Q` of groups, gradient and Hessian, at points (M, m) of rows (M,)."""
-        simulator, unknowns = self.simulator, self.unknowns
-        sets, group = np.divmod(rows, len(unknowns.used))
-        active, place = np.unique(sets, return_inverse=True)
-        unit = np.full((len(active), *unknowns.used.shape), 0.5)
-        unit[place, group] = points
-        wanted = np.zeros((len(active), len(unknowns.used)), dtype=bool)
-        wanted[place, group] = True
-        values = np.repeat(self.p[active][:, None], len(simulator.experiments), axis=1)
-        values[..., simulator.columns] = simulator.scopes.space.from_unit(unknowns.by_test(unit))
-        masks = wanted[:, unknowns.group]
-        choices = [
-            replace(choice, taken=np.where(masks[:, t], choice.taken, -1))
-            for t, choice in enumerate(simulator._choices(values))
-        ]
-        sums = simulator._inner.reduced(simulator.experiments, values, choices, True)
-        cost, gradient, normal = _unpacked(simulator._of_objectives(sums), len(simulator.columns))
-        tests = simulator.objective_tests
-        slope = simulator._unit_slopes(values)[:, tests]
-        weights = simulator._weights_of(len(tests))
-        squares = unknowns.summed(tests, weights * cost)
-        slopes = unknowns.summed_vectors(tests, weights[:, None] * gradient * slope)
-        matrix = unknowns.summed_matrices(
-            tests, weights[:, None, None] * normal * slope[..., None] * slope[..., None, :]
-        )
-        scale = self.count / np.maximum(squares, np.finfo(float).tiny)
-        value = 0.5 * self.count * np.log(np.maximum(squares, np.finfo(float).tiny))
-        value = np.where(np.isfinite(squares), value, np.nan)
-        self._keep(active, wanted, unit, value, cost, matrix)
-        return (
-            value[place, group],
-            (scale[..., None] * slopes)[place, group],
-            (scale[..., None, None] * matrix)[place, group],
-        )
-
-    def _keep(
-        self, active: NDArray[np.int64], wanted: NDArray[np.bool_], unit: FloatArray, value: FloatArray,
-        cost: FloatArray, matrix: FloatArray,
-    ) -> None:  # fmt: skip
-        """Remember what is better than before."""
-        better = wanted & (value < self.value[active])
-        row, group = np.nonzero(better)
-        self.value[active[row], group] = value[row, group]
-        self.unit[active[row], group] = unit[row, group]
-        self.normal[active[row], group] = matrix[row, group]
-        row, k = np.nonzero(better[:, self.unknowns.group[self.simulator.objective_tests]])
-        self.cost[active[row], k] = cost[row, k]
-
-
-def _unpacked(sums: FloatArray, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cost (N, K), gradient (N, K, count) and matrix (N, K, count, count) from the sums of a kernel."""
-    normal = np.empty((*sums.shape[:2], count, count))
-    row, column = np.triu_indices(count)
-    normal[..., row, column] = normal[..., column, row] = sums[..., 1 + count :]
-    return sums[..., 0], sums[..., 1 : 1 + count], normal
 
 
 def _solvable(normal: FloatArray, used: NDArray[np.bool_], unit: FloatArray) -> FloatArray:

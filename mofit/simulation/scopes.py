@@ -63,7 +63,7 @@ class Scopes:
 
     def unknowns(self, tests: Sequence[str]) -> Unknowns:
         """The values to be found for some tests."""
-        return _unknowns([self.labels[test] for test in tests])
+        return unknowns_of([self.labels[test] for test in tests])
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _summed(values: FloatArray, *shape: int, at: Sequence[NDArray[np.intp]]) -> 
     return result
 
 
-def _unknowns(labels: Sequence[tuple[str, ...]]) -> Unknowns:
+def unknowns_of(labels: Sequence[tuple[str, ...]]) -> Unknowns:
     """Tests that share a label are joined, and those that these share one with."""
     group = list(range(len(labels)))
     first: dict[tuple[int, str], int] = {}

@@ -8,9 +8,9 @@ The force is integrated here, exactly for a stroke that is linear over a twentie
 mofit. Every second campaign has autoregressive noise of order 1 with the coefficient 0.8, the others 1/f noise
 (Kasdin's filter, begun 2,000 samples before the record); its standard deviation is 2 % of the range. Each record has an
 offset of its own, drawn from a normal of 20 N. Each campaign is identified and sampled with free offsets, the first
-ones with pooled offsets too. Counted is how often the 90 % interval holds the truth; of the offsets, the normal interval of
-estimate and standard deviation. Of a normal whose mean and spread are estimated from four values, the truth is 0 N and
-20 N. Rows that the work folder holds are kept.
+ones with pooled offsets too. Counted is how often the 90 % interval holds the truth; of the offsets, the normal
+interval of estimate and standard deviation. Of a normal whose mean and spread are estimated from four values, the
+truth is 0 N and 20 N. Rows that the work folder holds are kept.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.models import Channel, Equations, Model
 from mofit.parameters import Parameter
 from mofit.problem import build_problem
-from mofit.simulation.scopes import _unknowns
+from mofit.simulation.scopes import unknowns_of
 
 NOISE = 0.3
 
@@ -99,7 +99,7 @@ def test_values_at_the_end_of_their_range_are_held() -> None:
 
 
 def test_groups_join_what_shares_a_value() -> None:
-    unknowns = _unknowns([("a", "1"), ("b", "1"), ("c", "2")])
+    unknowns = unknowns_of([("a", "1"), ("b", "1"), ("c", "2")])
     assert unknowns.group.tolist() == [0, 0, 1]
     assert unknowns.place.tolist() == [[0, 1], [2, 1], [0, 1]]
     assert unknowns.used.tolist() == [[True, True, True], [True, True, False]]
