@@ -147,11 +147,10 @@ def _constant_data(problem: Problem) -> xr.Dataset:
 def _search(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     """What the search evaluated, and its Pareto front."""
     found, searched, space = outcome.search, outcome.searched, outcome.problem.space
-    columns = [searched.system.parameters.index(name) for name in space.names]
 
     def values(points: FloatArray) -> FloatArray:
         """Of all free parameters; those that were fixed during the search are constant."""
-        return np.asarray(searched.layout.full(points)[:, columns])
+        return searched.layout.values(points, space.names)
 
     checkpoints = np.unique(np.ceil(np.array(CHECKPOINTS) * found.evaluations).astype(int))
     axes = {**parameter_axis(space.names, space.units), "objective": axis("objective", list(searched.objective_names))}
