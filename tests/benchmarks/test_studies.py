@@ -14,6 +14,8 @@ PAGES = {
     "sixty_systems": "robustness/systems.md",
     "interrupted": "robustness/interrupted.md",
     "memory": "robustness/memory.md",
+    "coloured_noise": "records/coloured_noise.md",
+    "many_tests": "records/many_tests.md",
 }
 
 
