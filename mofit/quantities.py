@@ -19,8 +19,9 @@ SINGLE_EXCITATIONS = ("step", "ramp")
 #: kinds that need no input channel
 UNDRIVEN_EXCITATIONS = ("free",)
 
-#: how an input runs between its samples
-INTERPOLATIONS = ("cubic", "linear")
+#: how an input runs between its samples; held is what a digital controller puts out
+HOLD = "hold"
+INTERPOLATIONS = ("cubic", "linear", HOLD)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class Experiment:
     start_time: float | None = None
     """Time since the campaign began, in s."""
     interpolation: str = ""
-    """How inputs run between samples: ``"cubic"`` or ``"linear"``; by default linear for a step or ramp."""
+    """How inputs run between samples: ``"cubic"``, ``"linear"`` or ``"hold"``; by default linear for a step or ramp."""
     transient: float | None = None
     """Time at the start that is not used, in s, where the test states it; else it is found from the data."""
 

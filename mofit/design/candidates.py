@@ -149,7 +149,7 @@ def required_limits(experiment: Experiment, driven: str, measured: bool = False)
     those of a smoothing spline.
     """
     time, values = experiment.time, np.asarray(experiment.inputs[driven], dtype=float)
-    if experiment.interpolation == "linear":
+    if experiment.interpolation != "cubic":
         rate, acceleration = np.diff(values) / np.diff(time), np.zeros(1)
     elif measured:
         _, rate = smooth_derivative(time, values)

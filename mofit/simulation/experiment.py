@@ -15,6 +15,7 @@ from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
 from mofit.errors import InputError, Issue
 from mofit.models import Model, System
 from mofit.models.model import TIME
+from mofit.quantities import HOLD, INTERPOLATIONS
 from mofit.simulation.requirements import all_conditions, measured_outputs, undriven
 
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
@@ -37,7 +38,8 @@ class ExperimentData:
         Shape (n, nu).
     interpolation
         Of the inputs between samples. ``"cubic"``: not-a-knot cubic spline, so that sampling does not limit the
-        accuracy of smooth inputs; ``"linear"``: straight lines, for steps.
+        accuracy of smooth inputs; ``"linear"``: straight lines, for steps; ``"hold"``: the value of the last sample
+        (zero-order hold), for what a digital controller puts out.
     conditions
         Shape (nc,).
     measured
@@ -102,6 +104,10 @@ class ExperimentData:
         """Inputs at times, shape (nu, len(time)); constant after the last sample."""
         return np.asarray(self.curve(np.minimum(time, (self.samples - 1) * self.step)).T)
 
+    def during(self, start: FloatArray, time: FloatArray) -> FloatArray:
+        """Inputs at times (n,) of steps that begin at ``start`` (n,): one that is held does not change within them."""
+        return self.at(start if self.interpolation == HOLD else time)
+
     def derivative(self, time: FloatArray) -> FloatArray:
         """Time derivative of the inputs (from the right at samples), shape (nu, len(time))."""
         return np.asarray(self.curve.derivative()(np.minimum(time, (self.samples - 1) * self.step)).T)
@@ -122,8 +128,9 @@ class ExperimentData:
         ]
         if n == 0 or not self.step > 0:
             found.append(Issue(where, f"{n} samples every {self.step} s", "Give samples on a uniform time grid"))
-        if self.interpolation not in ("cubic", "linear"):
-            found.append(Issue(where, f"interpolation is '{self.interpolation}'", "Use 'cubic' or 'linear'"))
+        if self.interpolation not in INTERPOLATIONS:
+            hint = f"Use {', '.join(map(repr, INTERPOLATIONS))}"
+            found.append(Issue(where, f"interpolation is '{self.interpolation}'", hint))
         for what, value in (("inputs", self.inputs), ("measured outputs", self.measured), ("weights", self.weights)):
             if not np.all(np.isfinite(value)):
                 found.append(Issue(where, f"{what} hold nan or infinite values", "Set weight and value to 0 there"))
@@ -135,6 +142,8 @@ def _curve(experiment: ExperimentData) -> PPoly:
     inputs = np.asarray(experiment.inputs, dtype=float)
     if experiment.samples == 1:
         return PPoly(inputs[None], np.array([0.0, experiment.step]))
+    if experiment.interpolation == HOLD:
+        return PPoly(inputs[None], np.append(time, experiment.samples * experiment.step))
     if experiment.interpolation == "linear":
         return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
     return CubicSpline(time, inputs, axis=0)

@@ -105,7 +105,7 @@ class Kernel:
             "free": np.empty((0, count)),
             "state": np.empty((0, count)),
             "input": np.concatenate(
-                [experiment.at(end if node == 1 else start + node * length) for node in self.scheme.nodes]
+                [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
             ),
             "input_rate": experiment.derivative(start),
             "first": everywhere(experiment.at(np.zeros(1))[:, 0]),

@@ -62,7 +62,7 @@ def _resampled(test: TestMap, record: Record) -> list[Stretch]:
     shortest = 0.0
     if test.procedure in PERIODIC_EXCITATIONS and (numbers["frequency"] or 0) > 0:
         shortest = (1 - LABEL_TOLERANCE) / float(numbers["frequency"] or 1)
-    linear = (test.interpolation or default_interpolation(test.procedure)) == "linear"
+    linear = (test.interpolation or default_interpolation(test.procedure)) != "cubic"
     rate = float(numbers["resample"] or 0)
     found = resampled(where, _signals(where, record), rate, linear, numbers["max_gap"], shortest)
     gaps = len(found.parts) + len(found.short) - 1
