@@ -77,14 +77,14 @@ def campaign(data: Path) -> Campaign:
     )
 
 
-def _case(name: str, title: str, cells: str) -> Case:
+def _case(name: str, title: str, cells: str, evaluations: int | None = None) -> Case:
     return Case(
         name, title, ChargedCell, campaign, lambda test: test.endswith(cells), (), ("mV", 1e3),
-        "converged within 30 s, at most 1 % NRMSD",
+        "converged within 30 s, at most 1 % NRMSD", evaluations,
     )  # fmt: skip
 
 
 CASES = (
     _case("battery_cell", "Battery, one cell at nine charge states", "Cell1"),
-    _case("battery", "Battery, six cells at nine charge states", ""),
+    _case("battery", "Battery, six cells at nine charge states", "", 200),
 )

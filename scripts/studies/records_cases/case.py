@@ -68,7 +68,8 @@ def run(case: Case, data: Path, work: Path, seed: int) -> dict:
     if row.exists():
         return json.loads(row.read_text(encoding="utf-8"))
     folder = work / f"{case.name}-{seed}"
-    shutil.rmtree(folder, ignore_errors=True)
+    for rest in (folder, folder.with_name(f"{folder.name}.partial")):  # a resumed run has no time of its own
+        shutil.rmtree(rest, ignore_errors=True)
     campaign = case.campaign(data)
     tests = tuple(filter(case.fitted, campaign.tests))
     began = time.perf_counter()

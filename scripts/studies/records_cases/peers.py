@@ -21,7 +21,7 @@ from mofit.parameters import ParameterSpace
 from records_cases.battery import CASES as BATTERY
 from records_cases.case import Case
 from records_cases.tanks import CASES as TANKS
-from records_cases.tanks import SHALLOW
+from records_cases.tanks import flow
 
 Residuals = Callable[[FloatArray], FloatArray]
 #: tolerance of the integrator, and step of the differences in the unit cube
@@ -44,8 +44,8 @@ def tank_level(p: dict[str, float], test: Measurement) -> FloatArray:
     """`EqualTanks` by hand."""
 
     def rate(x: FloatArray, pump: float) -> list[float]:
-        out = p["k_1"] * max(x[0], SHALLOW) ** 0.5
-        return [p["k_4"] * pump - out, out - p["k_3"] * max(x[1], SHALLOW) ** 0.5]
+        out = p["k_1"] * flow(x[0])
+        return [p["k_4"] * pump - out, out - p["k_3"] * flow(x[1])]
 
     return integrated(rate, (p["x_1"], p["x_2"]), test, "pump")[1]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 
@@ -11,8 +13,8 @@ from mofit.models import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
 from records_cases.case import Case, imported, with_inputs_linear
 
-#: level below which the flow out of a tank is linear: a root has no derivative at 0
-SHALLOW = 1e-3
+#: level below which the flow out of a tank is linear, V: a root has no derivative at 0
+SHALLOW = 0.1
 #: level at which a tank overflows, V; the sensor of the lower one ends there
 FULL = 10.0
 #: how fast what is above runs off, 1/s: within one sample
@@ -34,9 +36,9 @@ LEVELS = (
 )
 
 
-def flow(level: ca.SX) -> ca.SX:
+def flow(level: Any) -> Any:
     """Torricelli's law: the root of the level."""
-    return ca.sqrt(ca.fmax(level, SHALLOW))
+    return level / (level**2 + SHALLOW**2) ** 0.25
 
 
 class Tanks(Model):
@@ -71,7 +73,7 @@ class EqualTanks(Tanks):
 
     name = "equal_tanks"
     title = "two equal tanks"
-    parameters = (OUT_OF_UPPER, OUT_OF_LOWER, PUMPED, *LEVELS)
+    parameters = (OUT_OF_UPPER, OUT_OF_LOWER, PUMPED, replace(LEVELS[0], upper=20.0), LEVELS[1])
 
     def ratio(self, s: Symbols) -> ca.SX:
         """Equal tanks."""
