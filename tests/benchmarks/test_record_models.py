@@ -57,10 +57,10 @@ def test_cell_is_that_written_by_hand() -> None:
 def test_tanks_that_do_not_overflow_are_two_tanks() -> None:
     known = {"k_1": 0.05, "k_3": 0.06, "k_4": 0.04}
     plain = rates(Tanks(), [7.0, 3.0], [2.0], **known, k_2=0.08)
-    assert plain == pytest.approx([0.08 - 0.05 * 7**0.5, 0.08 * 7**0.5 - 0.06 * 3**0.5], rel=1e-3)
+    assert plain == pytest.approx([0.08 - 0.05 * 7**0.5, 0.08 * 7**0.5 - 0.06 * 3**0.5], abs=1e-3)
     assert rates(OverflowingTanks(), [7.0, 3.0], [2.0], **known, g=1.6) == pytest.approx(plain)
     above = rates(OverflowingTanks(), [10.1, 3.0], [2.0], **known, g=1.0)
-    assert above.sum() == pytest.approx(0.08 - 0.06 * 3**0.5, rel=1e-3)  # what the upper tank loses is in the lower one
+    assert above.sum() == pytest.approx(0.08 - 0.06 * 3**0.5, abs=1e-3)  # what the upper tank loses is in the lower one
 
 
 def test_dahl_friction_is_built_up_at_1() -> None:

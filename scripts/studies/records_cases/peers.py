@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from mofit.parameters import ParameterSpace
 from records_cases.battery import CASES as BATTERY
 from records_cases.case import Case
 from records_cases.tanks import CASES as TANKS
-from records_cases.tanks import flow
+from records_cases.tanks import SHALLOW
 
 Residuals = Callable[[FloatArray], FloatArray]
 #: tolerance of the integrator, and step of the differences in the unit cube
@@ -38,6 +39,11 @@ def integrated(rate: Callable[..., list[float]], start: Sequence[float], test: M
         method="LSODA", t_eval=time_, rtol=TOLERANCE, atol=TOLERANCE, max_step=step,
     )  # fmt: skip
     return found.y
+
+
+def flow(level: float) -> float:
+    """Torricelli's law."""
+    return level / math.sqrt(math.hypot(level, SHALLOW))
 
 
 def tank_level(p: dict[str, float], test: Measurement) -> FloatArray:

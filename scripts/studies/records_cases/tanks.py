@@ -23,7 +23,7 @@ RUN_OFF = 0.5
 
 def rate(name: str, unit: str, description: str) -> Parameter:
     """A coefficient of a flow; the tanks empty within seconds to a quarter of an hour."""
-    return Parameter(name, unit, 1e-3, 1.0, 0.05, "log", description)
+    return Parameter(name, unit, 5e-3, 0.5, 0.05, "log", description)
 
 
 OUT_OF_UPPER = rate("k_1", "V/s", "flow out of the upper tank at 1 V")
@@ -37,8 +37,8 @@ LEVELS = (
 
 
 def flow(level: Any) -> Any:
-    """Torricelli's law: the root of the level."""
-    return level / (level**2 + SHALLOW**2) ** 0.25
+    """Torricelli's law: the root of the level. Two roots are quicker than a power."""
+    return level / ca.sqrt(ca.sqrt(level**2 + SHALLOW**2))
 
 
 class Tanks(Model):
