@@ -43,7 +43,7 @@ def main() -> None:
             rows.append((case, run(case, arguments.data, arguments.work, arguments.seed)))
     command = f"records.py --seed {arguments.seed}"
     command += f" --only {' '.join(arguments.only)}" if arguments.only else ""
-    lines = [*header("Records of any kind", __doc__, command, made_with("pypesto", "pints")), *summary_table(rows)]
+    lines = [*header("Records of any kind", __doc__, command, made_with()), *summary_table(rows)]
     for case, row in rows:
         lines += section(case, row)
     if not arguments.only or "peers" in arguments.only:

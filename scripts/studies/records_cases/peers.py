@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +160,8 @@ def peer_row(peer: str, problem: PeerProblem, data: Path, work: Path, seed: int)
     start = np.array([nominal[ranges.index(name.partition(" ")[0])] for name in names])
     began = time.perf_counter()
     best = search(errors, start, seed)
-    found = {**about, "seconds": time.perf_counter() - began, "fit": _rms(errors(best)), "note": note}
+    found = {**about, "seconds": time.perf_counter() - began, "fit": _rms(errors(best))}
+    found["note"] = f"{note} ({version(module)})"
     if problem.case.predicted:
         found["predicted"] = _rms(errors(best, campaign.select(problem.case.predicted).measurements))
     row.write_text(json.dumps(found), encoding="utf-8")
