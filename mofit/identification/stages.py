@@ -249,6 +249,8 @@ def sample_modes(
         own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
         profiles = profile(adjusted, minimum.point, sd)
         valley = along_valley(adjusted.evaluate, minimum.point, minimum.hessian)
+        if valley is not None and len(located) > 1:  # it may lead on into another mode
+            valley = valley.selected(belongs(valley.means))
         along = None if valley is None else valley.means
         chains, evidence = _unsampled(minimum)
         left = until - time.monotonic()

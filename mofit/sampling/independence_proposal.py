@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,6 +66,13 @@ class StudentTMixture:
         peak = gammaln((nu + dimension) / 2) - gammaln(nu / 2) - dimension / 2 * np.log(nu * np.pi)
         determinants = np.sum(np.log(np.diagonal(self._factors, axis1=1, axis2=2)), axis=1)
         return np.asarray(np.log(self.weights) + peak - determinants)
+
+    def selected(self, kept: NDArray[np.bool_]) -> StudentTMixture | None:
+        """The mixture of some of its components (K,); None of none."""
+        weights = self.weights[kept]
+        if weights.size == 0:
+            return None
+        return replace(self, weights=weights / weights.sum(), means=self.means[kept], scales=self.scales[kept])
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Of points (n, d) to the nearest component, in its standard deviations, shape (n,)."""

@@ -104,3 +104,11 @@ def test_laplace_covariance_inverts_what_is_known_and_caps_what_is_not():
     along = np.array([1, -1]) / np.sqrt(2)
     assert along @ covariance @ along == pytest.approx(1 / 12)
     assert np.all(np.linalg.eigvalsh(laplace_covariance(np.diag([-5.0, 0.0]))) == pytest.approx(1 / 12))
+
+
+def test_a_part_of_a_mixture_has_weights_of_sum_1():
+    whole = StudentTMixture(np.array([0.5, 0.3, 0.2]), np.arange(6.0).reshape(3, 2), np.tile(np.eye(2), (3, 1, 1)), 5.0)
+    part = whole.selected(np.array([True, False, True]))
+    assert part.weights == pytest.approx([5 / 7, 2 / 7])
+    assert part.means == pytest.approx(whole.means[[0, 2]])
+    assert whole.selected(np.zeros(3, bool)) is None
