@@ -54,10 +54,10 @@ def imported(data: Path, name: str) -> Campaign:
     return import_files([data / name], ROOT / "data" / "maps" / f"{name}.toml")
 
 
-def with_inputs_linear(campaign: Campaign) -> Campaign:
-    """Inputs run straight between samples: splines overshoot at the steps of a pump or a motor."""
+def with_inputs(interpolation: str, campaign: Campaign) -> Campaign:
+    """Inputs straight (``linear``) or held (``hold``) between samples: splines overshoot at the steps of a motor."""
     changed = (
-        replace(one, experiment=replace(one.experiment, interpolation="linear")) for one in campaign.measurements
+        replace(one, experiment=replace(one.experiment, interpolation=interpolation)) for one in campaign.measurements
     )
     return replace(campaign, measurements=tuple(changed))
 

@@ -14,7 +14,7 @@ import casadi as ca
 from mofit.data import Campaign, Measurement
 from mofit.models import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
-from records_cases.case import Case, imported, with_inputs_linear
+from records_cases.case import Case, imported, with_inputs
 
 #: speed below which Coulomb friction is viscous, m/s; the drive moves at up to 0.1 m/s
 SLOW = 1e-3
@@ -55,7 +55,7 @@ def forward(one: Measurement) -> Measurement:
 def campaign(data: Path) -> Campaign:
     """Both records, forward; the motor force, which jumps, runs straight between samples."""
     found = imported(data, "emps")
-    return with_inputs_linear(replace(found, measurements=tuple(map(forward, found.measurements))))
+    return with_inputs("linear", replace(found, measurements=tuple(map(forward, found.measurements))))
 
 
 CASES = (

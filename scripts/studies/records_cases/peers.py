@@ -33,10 +33,16 @@ LIMIT = 120.0
 
 
 def integrated(rate: Callable[..., list[float]], start: Sequence[float], test: Measurement, channel: str) -> FloatArray:
-    """States (n, time) of a test, its input running straight between samples."""
+    """States (n, time) of a test, its input running between samples as the test says."""
     time_, values, step = test.time - test.time[0], test.channel(channel), test.experiment.step
+
+    def driven(t: float) -> float:
+        if test.experiment.interpolation == "hold":
+            return float(values[min(int(t / step + 1e-9), len(values) - 1)])
+        return float(np.interp(t, time_, values))
+
     found = solve_ivp(
-        lambda t, x: rate(x, np.interp(t, time_, values)), (0.0, time_[-1]), start,
+        lambda t, x: rate(x, driven(t)), (0.0, time_[-1]), start,
         method="LSODA", t_eval=time_, rtol=TOLERANCE, atol=TOLERANCE, max_step=step,
     )  # fmt: skip
     return found.y

@@ -11,7 +11,7 @@ import casadi as ca
 from mofit.data import Campaign
 from mofit.models import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
-from records_cases.case import Case, imported, with_inputs_linear
+from records_cases.case import Case, imported, with_inputs
 
 #: level below which the flow out of a tank is linear, V: a root has no derivative at 0
 SHALLOW = 0.1
@@ -113,8 +113,8 @@ class OverflowingTanks(Tanks):
 
 
 def campaign(data: Path) -> Campaign:
-    """Both records; the pump's voltage runs straight between samples."""
-    return with_inputs_linear(imported(data, "cascaded_tanks"))
+    """Both records; the pump's voltage is held between samples."""
+    return with_inputs("hold", imported(data, "cascaded_tanks"))
 
 
 def _case(name: str, title: str, model: type[Model], wanted: str) -> Case:
