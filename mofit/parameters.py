@@ -79,6 +79,15 @@ class Parameter:
         ends[k] = float(np.clip(wider, *self.possible))
         return replace(self, lower=ends[0], upper=ends[1])
 
+    def wider(self) -> Parameter:
+        """The range widened at both ends, see `farther`: where a wide range costs nothing."""
+        return replace(self.farther(1), lower=self.farther(-1).lower)
+
+    def scoped(self, per: str | None = None, pooled: bool = False) -> Parameter:
+        """The parameter with another scope, or pooled, if asked for; what is pooled has a value per test at least."""
+        pooled, own = pooled or self.pooled, per or self.per
+        return replace(self, per=PER_TEST if pooled and own == PER_CAMPAIGN else own, pooled=pooled)
+
     def issues(self) -> list[Issue]:
         """Everything that makes this parameter unusable."""
         box, found = f"[{self.lower:g}, {self.upper:g}]", []
@@ -197,12 +206,8 @@ class ParameterSpace:
         """The space with other bounds for one parameter, which are its limits too; its nominal value is clipped."""
         one = self[name]
         nominal = min(max(one.nominal, lower), upper)
-        return self.with_parameter(replace(one, lower=lower, upper=upper, nominal=nominal, limits=(lower, upper)))
-
-    def with_parameter(self, changed: Parameter) -> ParameterSpace:
-        """The space with another parameter of that name."""
-        position = self.index(changed.name)
-        return ParameterSpace((*self.parameters[:position], changed, *self.parameters[position + 1 :]))
+        changed = replace(one, lower=lower, upper=upper, nominal=nominal, limits=(lower, upper))
+        return ParameterSpace(tuple(changed if own.name == name else own for own in self.parameters))
 
     def farther(self, sides: ArrayLike) -> ParameterSpace:
         """The space with wider ranges where sides (d,) are -1 (at the lower end) or 1, see `Parameter.farther`."""

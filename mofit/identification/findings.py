@@ -27,7 +27,7 @@ WHITE = 0.25
 #: Share of the output's range below which a residual is that of the integration, not of the model.
 NEGLIGIBLE = 5e-4
 #: What a residual without repeats may be.
-EITHER = "Either the noise is coloured, or the model lacks something: mofit diagnose tells."
+COLOURED_OR_GAP = "Either the noise is coloured, or the model lacks something: mofit diagnose tells."
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,9 @@ def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
         where = f", most in {names[worst]}" if len(names) > 1 else ""
         size_and_where = f"({size:.2g} % of the range{where})"
         if not problem.signals[objective_pairs(problem.experiments)[worst][0]].repeats:
-            text = f"The residual is {ratio:.2g} times the noise from sample to sample {size_and_where}. {EITHER}"
+            text = (
+                f"The residual is {ratio:.2g} times the noise from sample to sample {size_and_where}. {COLOURED_OR_GAP}"
+            )
             return [Finding("misfit", "caution", text)]
         text = f"The model does not fit: its residual is {ratio:.2g} times the noise {size_and_where}."
         return [Finding("misfit", "caution", f"{text} {advice}")]
@@ -65,7 +67,7 @@ def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
     least = int(np.argmin(share))
     if share[least] < WHITE:
         text = f"The residual of {names[least]} is not white: {noise.independent[least]:.0f} of "
-        text += f"{noise.count[least]:.0f} samples are independent. {EITHER}"
+        text += f"{noise.count[least]:.0f} samples are independent. {COLOURED_OR_GAP}"
         return [Finding("misfit", "caution", text)]
     return []
 

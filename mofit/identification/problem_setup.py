@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from mofit.data import Campaign
@@ -101,10 +101,7 @@ def set_up_problem(
 
 def _wide(own: ParameterSpace, settings: Settings) -> tuple[Parameter, ...]:
     """Scoped parameters are not searched, so that a wide range costs nothing; bounds asked for stay."""
-    return tuple(
-        one if one.name in settings.bounds else replace(one.farther(1), lower=one.farther(-1).lower)
-        for one in own.parameters
-    )
+    return tuple(one if one.name in settings.bounds else one.wider() for one in own.parameters)
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:

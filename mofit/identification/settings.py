@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from numbers import Integral
 
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.models import Model
-from mofit.parameters import PER_CAMPAIGN, PER_TEST, ParameterSpace
+from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.sampling import SampleSettings
 
 #: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
@@ -115,10 +115,9 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
     )  # fmt: skip
     for name, (lower, upper) in settings.bounds.items():
         space = space.with_bounds(name, lower, upper)
-    for name in {*settings.scopes, *settings.pooled}:
-        pooled, per = name in settings.pooled or space[name].pooled, settings.scopes.get(name, space[name].per)
-        own = PER_TEST if pooled and per == PER_CAMPAIGN else per
-        space = space.with_parameter(replace(space[name], per=own, pooled=pooled))
+    space = ParameterSpace(
+        tuple(one.scoped(settings.scopes.get(one.name), one.name in settings.pooled) for one in space.parameters)
+    )
     free = [name for name in space.names if name not in settings.fixed]
     if not free:
         raise InputError.of("--fix", "no parameter is left free", "Leave at least one free")

@@ -71,7 +71,7 @@ def wider_setup(
             break
         wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
         target = wider.posterior.with_noise(noise)
-        starts = _with_rest(beyond_ends((best or setup).space, space, values, sides), minimum.point)
+        starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])
         (found, *_) = merge(refine(target.evaluate, starts)) or (None,)
         if found is None or not cost - found.value > WORTH:
@@ -80,7 +80,7 @@ def wider_setup(
     return best
 
 
-def _with_rest(starts: FloatArray, point: FloatArray) -> FloatArray:
+def _with_hyperparameters(starts: FloatArray, point: FloatArray) -> FloatArray:
     """Starts (k, d) with the means and spreads of pooled parameters, which come last, as in a point."""
     rest = np.tile(point[starts.shape[1] :], (len(starts), 1))
     return np.concatenate([starts, rest], axis=1)

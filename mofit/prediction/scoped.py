@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -54,17 +54,14 @@ def scoped_parameters(
     pooled = configuration.get("pooled", ())
     found = []
     for parameter in parameters:
-        own = scopes.get(parameter.name, parameter.per)
-        shared = parameter.name in pooled or parameter.pooled
-        per = PER_TEST if own == PER_CAMPAIGN and shared else own
-        if parameter.name in known or per == PER_CAMPAIGN:
+        one = parameter.scoped(scopes.get(parameter.name), parameter.name in pooled)
+        if one.name in known or one.per == PER_CAMPAIGN:
             continue
-        if parameter.name in bounds:
-            space = ParameterSpace((parameter,)).with_bounds(parameter.name, *bounds[parameter.name])
-            (one,) = space.parameters
+        if one.name in bounds:
+            (one,) = ParameterSpace((one,)).with_bounds(one.name, *bounds[one.name]).parameters
         else:
-            one = parameter.farther(1).farther(-1)
-        found.append(replace(one, per=per, pooled=shared))
+            one = one.wider()
+        found.append(one)
     return tuple(found)
 
 

@@ -25,12 +25,6 @@ def objective_names(model: Model, experiments: Sequence[ExperimentData]) -> tupl
     return tuple(f"{experiments[test].name} / {model.outputs[output].name}" for test, output in pairs)
 
 
-def objectives_of(experiments: Sequence[ExperimentData], tests: Sequence[int]) -> list[int]:
-    """The objectives of some tests, by index, in the order of these tests."""
-    pairs = objective_pairs(experiments)
-    return [k for wanted in tests for k, (test, _) in enumerate(pairs) if test == wanted]
-
-
 def first_noise(
     model: Model,
     measurements: Sequence[Measurement],

@@ -132,7 +132,7 @@ class Pooling:
         return value, gradient, hessian
 
     def shrunk(self, space: ParameterSpace) -> tuple[FloatArray, FloatArray]:
-        """Scoped values z and their variances given the normals at the point, (G, m) each.
+        """Scoped values and their standard deviations given the normals at the point, in SI units, (G, m) each.
 
         Each is drawn towards the mean as far as it is less certain than the spread.
         """
@@ -147,7 +147,10 @@ class Pooling:
         total[:, most, most] += drawn
         covariance = np.linalg.inv(total)
         towards = np.einsum("gij,gj->gi", precision, self.z) + drawn * mean[0][which]
-        return np.einsum("gij,gj->gi", covariance, towards), np.diagonal(covariance, axis1=1, axis2=2)
+        z, sd = np.einsum("gij,gj->gi", covariance, towards), np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        log = np.array([one.scale == "log" for one in self.own.parameters])[which]
+        values = np.where(log, np.exp(np.where(log, z, 0.0)), z)
+        return values, sd * np.where(log, values, 1.0)
 
     def _normals(self, space: ParameterSpace, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Mean in z, spread and d mean / d value of every scoped parameter, (N, L) each."""

@@ -22,12 +22,13 @@ from mofit.problem.likelihood import (
     nrmsd,
 )
 from mofit.problem.local_model import coarse_steps, fold_periods, star
-from mofit.problem.objectives import independent_residuals, objective_names, objectives_of
+from mofit.problem.objectives import independent_residuals, objective_names
 from mofit.problem.pooling import Pooling
 from mofit.problem.prior import FLAT, GaussianPrior, inside_cube
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.problem.score_covariance import score_covariance
 from mofit.simulation import ExperimentData, Simulator
+from mofit.simulation.experiment import objectives_of
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import scoped
 

@@ -37,14 +37,12 @@ def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray
     space, best = simulator.scopes.space, simulator.best(p)
     values = best.values[0][:, simulator.columns]
     if problem.pooling is None:
-        own = problem.scoped_covariance(point)
-        variance = best.unknowns.by_test(np.diagonal(own, axis1=1, axis2=2)[None])[0] * space.derivative(values) ** 2
+        own = np.diagonal(problem.scoped_covariance(point), axis1=1, axis2=2)
+        inner = np.sqrt(best.unknowns.by_test(own[None])[0]) * space.derivative(values)
     else:
-        z, own = problem.pooled_at(point).pooling.shrunk(problem.space)  # type: ignore[union-attr]
-        log = np.array([one.scale == "log" for one in space.parameters])
-        values = best.unknowns.by_test(z[None])[0]
-        values = np.where(log, np.exp(np.where(log, values, 0.0)), values)
-        variance = best.unknowns.by_test(own[None])[0] * np.where(log, values, 1.0) ** 2
+        pooled = problem.pooled_at(point).pooling
+        assert pooled is not None
+        values, inner = (best.unknowns.by_test(one[None])[0] for one in pooled.shrunk(problem.space))
     # D by unit coordinates of the shared parameters
     count = len(simulator.free)
     slopes = simulator.slopes(p)[0] * problem.space.derivative(problem.space.from_unit(point))[:count]
@@ -54,7 +52,7 @@ def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray
     return ScopedEstimates(
         space=space,
         values=values,
-        sd=np.sqrt(variance + shared),
+        sd=np.sqrt(inner**2 + shared),
         at_bound=(unit >= 1).astype(np.int64) - (unit <= 0),
         labels=tuple(simulator.scopes.labels[test] for test in tests),
     )

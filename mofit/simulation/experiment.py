@@ -158,6 +158,12 @@ def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, i
     return tuple((test, output) for test, experiment in enumerate(experiments) for output in experiment.fitted)
 
 
+def objectives_of(experiments: Sequence[ExperimentData], tests: Sequence[int]) -> list[int]:
+    """The objectives of some tests, by index, in the order of these tests."""
+    pairs = objective_pairs(experiments)
+    return [k for wanted in tests for k, (test, _) in enumerate(pairs) if test == wanted]
+
+
 def experiment_data(model: Model, measurement: Measurement, record: SignalAnalysis, settled: bool) -> ExperimentData:
     """A measured test: inputs with their smooth derivatives, and a weight per sample.
 

@@ -20,7 +20,7 @@ from mofit.simulation.compiler.machine import host
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import free_first
 from mofit.simulation.kernel import Kernel, Table
-from mofit.simulation.table_cache import Shelf
+from mofit.simulation.table_cache import TableCache
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
 #: up to so many vectors carried from sample to sample, four registers for each still pay
@@ -108,12 +108,12 @@ class Scheduler:
         self._order = free_first(system.parameters, free)
         self._one_loop, self._fixed_per_lane = one_loop, fixed_per_lane
         self._kernels: dict[KernelKey, Kernel] = {}
-        self._tables = Shelf()
+        self._tables = TableCache()
 
     def without_tables(self) -> Scheduler:
         """The same, compiled code shared, with no tables yet."""
         other = copy.copy(self)
-        other._tables = Shelf()
+        other._tables = TableCache()
         return other
 
     def reduced(

@@ -14,6 +14,7 @@ from mofit.optimize import RefineSettings
 from mofit.optimize.levenberg_marquardt import minimise_each
 from mofit.simulation.experiment import ExperimentData, objective_pairs
 from mofit.simulation.scopes import Scopes
+from mofit.simulation.simulator import unpacked
 
 #: rows, values, wanted tests to the sums of the objectives, see `ScopedSearch`
 Sums: TypeAlias = Callable[[NDArray[np.int64], FloatArray, NDArray[np.bool_]], FloatArray]
@@ -115,11 +116,3 @@ class ScopedSearch:
         self.normal[active[row], group] = matrix[row, group]
         row, k = np.nonzero(better[:, self.unknowns.group[self.tests]])
         self.cost[active[row], k] = cost[row, k]
-
-
-def unpacked(sums: FloatArray, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cost (N, K), gradient (N, K, count) and matrix (N, K, count, count) from the sums of a kernel."""
-    normal = np.empty((*sums.shape[:2], count, count))
-    row, column = np.triu_indices(count)
-    normal[..., row, column] = normal[..., column, row] = sums[..., 1 + count :]
-    return sums[..., 0], sums[..., 1 : 1 + count], normal

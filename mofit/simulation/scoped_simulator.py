@@ -25,11 +25,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import System
-from mofit.simulation.experiment import ExperimentData, objective_pairs
+from mofit.simulation.experiment import ExperimentData, objective_pairs, objectives_of
 from mofit.simulation.scheduler import Scheduler
-from mofit.simulation.scoped_search import EXACT, ROUGH, ScopedSearch, unpacked
-from mofit.simulation.scopes import Scopes, Unknowns, changes_stiffness
-from mofit.simulation.simulator import Simulator
+from mofit.simulation.scoped_search import EXACT, ROUGH, ScopedSearch
+from mofit.simulation.scopes import Scopes, Unknowns
+from mofit.simulation.simulator import Simulator, unpacked
+from mofit.simulation.step_probing import changes_stiffness
 from mofit.simulation.step_selection import Box
 from mofit.simulation.time_grid import StepChoice
 
@@ -102,10 +103,9 @@ class ScopedSimulator(Simulator):
 
     def select(self, index: Sequence[int]) -> ScopedSimulator:
         """The same on some of the tests."""
-        pairs = objective_pairs(self.experiments)
         weights = self._weights
         if weights is not None:
-            weights = np.array([weights[k] for t in index for k, (test, _) in enumerate(pairs) if test == t])
+            weights = weights[objectives_of(self.experiments, index)]
         return self._with(experiments=tuple(self.experiments[i] for i in index), _weights=weights)
 
     def within(self, box: Box, tolerance: float | None = None) -> Simulator:
@@ -120,7 +120,10 @@ class ScopedSimulator(Simulator):
         )  # fmt: skip
 
     def weighted(self, weights: FloatArray) -> ScopedSimulator:
-        """The same with other weights of the objectives (K,); what has weights is near its best, and solved exactly."""
+        """The same with other weights of the objectives (K,).
+
+        They are known once the best parameters are; from there on the scoped values are solved for exactly.
+        """
         return self._with(_weights=weights, _search=EXACT)
 
     def around(self, p: FloatArray) -> ScopedSimulator:
@@ -171,7 +174,7 @@ class ScopedSimulator(Simulator):
     def one_by_one(self, p: ArrayLike, derivatives: bool) -> Iterator[FloatArray]:
         """Outputs of every test and, with ``derivatives``, their slopes, (N, n, ny, 1 + nf), one after the other."""
         best = self.best(p)
-        slopes = self._projected(best, *self._full(best)[1:])[0] if derivatives else None
+        slopes = self.slopes(p) if derivatives else None
         choices = self._choices(best.values)
         for test, experiment in enumerate(self.experiments):
             (values,) = self._scheduler.stored([experiment], best.values[:, test], [choices[test]], derivatives)
@@ -193,7 +196,7 @@ class ScopedSimulator(Simulator):
         return np.concatenate([cost[..., None], *self._projected(best, gradient, normal)[1:]], axis=-1)
 
     def _choices(self, p: FloatArray) -> list[StepChoice]:
-        if p.ndim == 3 and not self._stiff:
+        if p.ndim == 3 and not self._stiff:  # one test's values stand for all
             p = p[:, 0]
         return super()._choices(p)
 

@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.data import Measurement
 from mofit.errors import Issue, raise_errors
-from mofit.models import System
 from mofit.parameters import PER_CAMPAIGN, PER_TEST, ParameterSpace
 from mofit.simulation.requirements import all_conditions
 
@@ -137,13 +135,6 @@ def unknowns_of(labels: Sequence[tuple[str, ...]]) -> Unknowns:
     parameter[groups[:, None], table] = np.arange(table.shape[1])
     first_test[groups[:, None], table] = np.arange(len(labels))[:, None]
     return Unknowns(groups, table, used, parameter, first_test)
-
-
-def changes_stiffness(system: System, names: Sequence[str]) -> bool:
-    """Whether parameters enter the Jacobian of the states, which decides on the integration steps."""
-    x, u, p, c = system.rhs.sx_in()
-    own = ca.vertcat(*(p[system.parameters.index(name)] for name in names))
-    return bool(len(system.states)) and bool(ca.depends_on(ca.jacobian(system.rhs(x, u, p, c), x), own))
 
 
 def scoped(space: ParameterSpace) -> tuple[ParameterSpace, ParameterSpace]:

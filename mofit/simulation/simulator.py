@@ -157,12 +157,7 @@ class Simulator:
 
     def gauss_newton(self, p: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         r"""Cost (N, T), :math:`J^T W r` (N, T, nf) and :math:`J^T W J` (N, T, nf, nf), with J = dy/dfree."""
-        sums = self._reduced(p, derivatives=True)
-        nf = len(self.free)
-        hessian = np.empty((*sums.shape[:2], nf, nf))
-        row, column = np.triu_indices(nf)
-        hessian[..., row, column] = hessian[..., column, row] = sums[..., 1 + nf :]
-        return sums[..., 0], sums[..., 1 : 1 + nf], hessian
+        return unpacked(self._reduced(p, derivatives=True), len(self.free))
 
     def _box_issues(self, box: Box | None) -> list[Issue]:
         names = self.system.parameters
@@ -211,3 +206,11 @@ class Simulator:
                 f"Give one column per parameter: {', '.join(self.system.parameters)}",
             )
         return p
+
+
+def unpacked(sums: FloatArray, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Cost (N, K), gradient (N, K, count) and matrix (N, K, count, count) from the sums of a kernel."""
+    normal = np.empty((*sums.shape[:2], count, count))
+    row, column = np.triu_indices(count)
+    normal[..., row, column] = normal[..., column, row] = sums[..., 1 + count :]
+    return sums[..., 0], sums[..., 1 : 1 + count], normal

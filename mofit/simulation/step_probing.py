@@ -108,6 +108,13 @@ def _norm_of_power(system: System) -> Program:
     return trace(ca.Function("stiffness", [x, u, p, c], [ca.densify(size)]))
 
 
+def changes_stiffness(system: System, names: Sequence[str]) -> bool:
+    """Whether parameters enter the Jacobian of the states, which decides on the integration steps."""
+    x, u, p, c = system.rhs.sx_in()
+    own = ca.vertcat(*(p[system.parameters.index(name)] for name in names))
+    return bool(len(system.states)) and bool(ca.depends_on(ca.jacobian(system.rhs(x, u, p, c), x), own))
+
+
 class StepProbe:
     """Integrates the tests with more and more steps; parameters as for `Simulator`.
 

@@ -16,19 +16,19 @@ _lock = Lock()
 _calls = count()
 
 
-class Shelf:
+class TableCache:
     """The tables of one scheduler; they go with it, or when another one needs the room."""
 
     def __init__(self) -> None:
         #: table and number of its last use, the longest unused first
         self._kept: dict[Hashable, tuple[Table, int]] = {}
         self._bytes = 0
-        _shelves.add(self)
+        _caches.add(self)
 
     def table(self, name: Hashable, make: Callable[[], Table], used: Set[Hashable]) -> Table:
         """The table of that name, made if it is not there, and kept where there is room.
 
-        Tables of this shelf that the present call has ``used`` stay: where all do not fit, the next call finds
+        Tables of this cache that the present call has ``used`` stay: where all do not fit, the next call finds
         these at least.
         """
         with _lock:
@@ -53,19 +53,19 @@ class Shelf:
         return freed
 
 
-_shelves: WeakSet[Shelf] = WeakSet()
+_caches: WeakSet[TableCache] = WeakSet()
 
 
-def _room_for(needed: int, own: Shelf, used: Set[Hashable]) -> bool:
+def _room_for(needed: int, own: TableCache, used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
-    shelves = list(_shelves)
-    room = KEPT_BYTES - sum(shelf._bytes for shelf in shelves)
+    caches = list(_caches)
+    room = KEPT_BYTES - sum(cache._bytes for cache in caches)
     while room < needed:
-        oldest = [(found, shelf) for shelf in shelves if (found := shelf._oldest())]
-        # this call has used the last ones of its own shelf: where the first is among them, all are
-        spare = [(*found, shelf) for found, shelf in oldest if shelf is not own or found[1] not in used]
+        oldest = [(found, cache) for cache in caches if (found := cache._oldest())]
+        # this call has used the last ones of its own cache: where the first is among them, all are
+        spare = [(*found, cache) for found, cache in oldest if cache is not own or found[1] not in used]
         if not spare:
             return False
-        _, name, shelf = min(spare, key=lambda entry: entry[0])
-        room += shelf._drop(name)
+        _, name, cache = min(spare, key=lambda entry: entry[0])
+        room += cache._drop(name)
     return True
