@@ -23,7 +23,7 @@ from mofit.sampling.state import Run
 #: attributes of a mode's group, in `Run`
 _FACTS: dict[str, Callable[[Any], Any]] = {
     "time": float, "rounds": int, "burned": int, "level": float, "settled": bool, "producing": bool,
-    "tau": np.asarray, "evaluations": int,
+    "tau": np.asarray, "refits": int, "evaluations": int,
 }  # fmt: skip
 #: data sets of its proposal, in `StudentTMixture`
 _PROPOSAL = ("weights", "means", "scales", "freedom")

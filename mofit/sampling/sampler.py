@@ -16,7 +16,7 @@ from mofit.sampling.checkpoint import Checkpoints
 from mofit.sampling.ensemble import LogPosterior, safe
 from mofit.sampling.independence_proposal import DEGREES_OF_FREEDOM, StudentTMixture
 from mofit.sampling.settings import SampleSettings
-from mofit.sampling.state import begin, burn_in, extend, produce
+from mofit.sampling.state import begin, burn_in, extend, produce, refit
 
 Progress = Callable[[int, int, str], None]
 """Called as ``progress(done, total, note)``."""
@@ -41,7 +41,8 @@ def sample_mode(
     mixture of Student-t distributions is fitted to all walkers after each round, then frozen. Production goes on in
     chunks until all requirements of the settings hold (length in autocorrelation times, their steadiness, R-hat between
     the ensembles, effective sample size, share of stuck walkers), to `max_steps`, or until the autocorrelation time
-    tells that these would not do.
+    tells that these would not do. Chains that mix far more slowly than the mixture promised start anew with one fitted
+    to them.
 
     Parameters
     ----------
@@ -99,6 +100,10 @@ def sample_mode(
         if chains.converged or run.steps >= settings.max_steps:
             checkpoints.save(run, last=True)
             return chains
+        former, run = run, refit(run, chains.tau, settings)
+        if run.steps < former.steps:
+            checkpoints.save(run)
+            continue
         if chains.hopeless(run.tau, settings) or time.monotonic() >= until:
             checkpoints.save(run, last=True)
             return assess(run, settings, last=True)

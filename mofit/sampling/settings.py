@@ -23,6 +23,12 @@ class SampleSettings:
     max_steps: int = 6000
     """Production steps per ensemble after which sampling ends unconverged: what mixes more slowly than in 60 steps is a
     ridge or several modes, which more steps do not mend."""
+    refit_steps: int = 100
+    """Production steps before the proposal may be fitted again; twice as many each time."""
+    most_refits: int = 4
+    """Such fits at most: a shape that the fifth mixture does not follow is none for mixtures."""
+    slower: float = 2.0
+    """Factor between the autocorrelation time that a proposal promises and the one it leaves that is no surprise."""
     fewest_steps: int = 400
     """Steps before a chain is given up whose autocorrelation time shows that the most steps would not do."""
     growth: float = 1.7

@@ -35,6 +35,8 @@ class Run:
     """The burn-in is over."""
     producing: bool = False
     """The chains are production chains; the proposal is frozen."""
+    refits: int = 0
+    """How often the proposal was fitted again to production chains."""
     evaluations: int = 0
     """Log posteriors computed so far."""
 
@@ -97,6 +99,27 @@ def produce(run: Run, settings: SampleSettings) -> Run:
 def extend(log_posterior: LogPosterior, run: Run, settings: SampleSettings, steps: int, tau: FloatArray) -> Run:
     """More production steps; `tau` is kept to see how it changes."""
     return replace(_advanced(log_posterior, run, settings, steps), tau=tau)
+
+
+def refit(run: Run, tau: FloatArray, settings: SampleSettings) -> Run:
+    """The same run, or production anew with a proposal fitted to its chains, where that is the shorter way.
+
+    A burn-in may have seen too little of a long or bent posterior. Then the autocorrelation time ``tau`` (d,) is far
+    longer than the proposal promised, and the chains know better.
+    """
+    longest = float(tau.max())
+    due = settings.refit_steps * 2**run.refits
+    if run.refits == settings.most_refits or run.steps < due or not longest > settings.slower * run.time:
+        return run
+    points = np.concatenate([ensemble.chain for ensemble in run.ensembles], axis=1)
+    values = np.concatenate([ensemble.chain_log_prob for ensemble in run.ensembles], axis=1)
+    every = 1 + values.size // (2 * settings.fitted_draws)
+    proposal, time = best_proposal(points[::every].reshape(-1, points.shape[2]), values[::every].ravel(), run.proposal)
+    tried = replace(run, refits=run.refits + 1)
+    if settings.tau_multiple * (longest - settings.slower * time) < run.steps:
+        return tried
+    burned = run.burned + run.steps
+    return produce(replace(tried, proposal=proposal, time=time, burned=burned, tau=np.full_like(tau, np.inf)), settings)
 
 
 def _advanced(log_posterior: LogPosterior, run: Run, settings: SampleSettings, steps: int) -> Run:

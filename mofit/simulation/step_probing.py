@@ -58,7 +58,9 @@ class StepSettings:
     """Share of the tolerance by which outputs may change when the steps are doubled."""
     orders: tuple[float, float] = (2.7, 6.0)
     """Observed orders of convergence between which the error is interpolated. A lower one is a sign of kinks, a higher
-    one of instability with half as many steps."""
+    one of instability with half as many steps, or of kinks where such steps are stable."""
+    kinks: float = 0.9
+    """How many steps kinks ask for is chance, not a property of the parameters: this quantile over a box is taken."""
     diverged: float = 100.0
     """A set whose states grow beyond so many times the median diverges."""
 
@@ -158,8 +160,8 @@ class StepProbe:
         tolerance: float,
         rate: FloatArray | None = None,
         skip: NDArray[np.bool_] | None = None,
-    ) -> FloatArray:
-        """Steps per sampling interval that each parameter set needs on each test, shape (N, T).
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Steps per sampling interval that each parameter set needs on each test, and where kinks ask for them, (N, T).
 
         Not rounded; infinite if ``most`` are too few, nan where ``skip`` is set. With the stiffness ``rate`` unstable
         steps are not tried.
@@ -169,16 +171,20 @@ class StepProbe:
         result = np.full((len(p), len(lengths)), np.inf)
         active = np.ones(result.shape, dtype=bool) if skip is None else ~skip
         result[~active] = np.nan
+        kinked = np.zeros(result.shape, dtype=bool)
         coarse, last, steps = self._outputs(p, StepLevel(scheme, 1), active), np.full(result.shape, np.inf), 1
         while steps <= most and active.any():
             unstable = False if rate is None else rate[:, None] * lengths / (2 * steps) > self.settings.unstable
             fine = self._outputs(p, StepLevel(scheme, 2 * steps), active & ~np.asarray(unstable))
             change = np.stack([_change(a, b) for a, b in zip(coarse, fine, strict=True)], axis=1)
             enough = active & (change <= allowed)
-            result[enough] = self._interpolated(steps, change, last, allowed)[enough]
+            order = _order(steps, change, last)
+            result[enough] = self._interpolated(steps, order, change / allowed)[enough]
+            stable = False if rate is None else rate[:, None] * lengths / steps < 1
+            kinked[active] = ((order < self.settings.orders[0]) | stable & (order > self.settings.orders[1]))[active]
             active = active & ~enough
             coarse, last, steps = fine, change, 2 * steps
-        return result
+        return result, kinked
 
     def _outputs(self, p: FloatArray, level: StepLevel, active: NDArray[np.bool_]) -> list[FloatArray]:
         choices = [StepChoice((level,), np.where(column, 0, -1)) for column in active.T]
@@ -197,17 +203,16 @@ class StepProbe:
         limit = self.settings.diverged * np.median(size[finite], axis=0)
         return np.flatnonzero(finite & np.all(size <= limit, axis=1))
 
-    def _interpolated(self, steps: int, change: FloatArray, last: FloatArray, allowed: float) -> FloatArray:
-        """Number of steps at which the change would be as allowed, from that at ``steps`` and at half as many.
+    def _interpolated(self, steps: int, order: FloatArray, change: FloatArray) -> FloatArray:
+        """Number of steps at which the change, given relative to what is allowed, would be 1.
 
         Where steps cross kinks, convergence is slow and erratic; near the limit of stability it is sudden. There the
         number is not reduced.
         """
         lowest, highest = self.settings.orders
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            order = np.full(change.shape, 4.0) if steps == 1 else np.log2(last / change)
             usual = (order > lowest) & (order < highest)
-            needed = np.where(usual, steps * (change / allowed) ** (1 / np.minimum(order, 4.0)), steps)
+            needed = np.where(usual, steps * change ** (1 / np.clip(order, lowest, 4.0)), steps)
         return np.clip(np.nan_to_num(needed, nan=steps), 0.5 * steps if steps > 1 else 0.1, steps)
 
     def _excerpt(self, experiment: ExperimentData) -> ExperimentData:
@@ -220,6 +225,12 @@ class StepProbe:
         part = slice(starts[int(np.argmax(moves))], starts[int(np.argmax(moves))] + length)
         data = {name: getattr(experiment, name)[part] for name in ("inputs", "measured", "weights")}
         return replace(experiment, origin=None, **data)
+
+
+def _order(steps: int, change: FloatArray, last: FloatArray) -> FloatArray:
+    """Observed order of convergence, from the change at ``steps`` and at half as many; four with one step."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.full(change.shape, 4.0) if steps == 1 else np.nan_to_num(np.log2(last / change), nan=4.0)
 
 
 def _change(coarse: FloatArray, fine: FloatArray) -> FloatArray:

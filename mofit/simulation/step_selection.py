@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.simulation.experiment import ExperimentData
@@ -15,6 +15,7 @@ from mofit.simulation.integrators import RK4, RODAS4
 from mofit.simulation.step_probing import StepProbe, StepSettings, Stiffness
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
+Needed = tuple[FloatArray, NDArray[np.bool_]]
 #: lower and upper bounds of all parameters
 Box = tuple[ArrayLike, ArrayLike]
 
@@ -80,27 +81,36 @@ class StepSelection:
         probe, p = self._probe(), sample_box(lower, upper, self.settings)
         stiffness = probe.stiffness(p)
         rate = stiffness(p)
-        explicit, implicit = self._needed(p, rate)
+        explicit, implicit = (self._typical(*needed) for needed in self._needed(p, rate))
         rules = [_rule(rate, explicit[:, t], implicit[:, t], self.settings) for t in range(explicit.shape[1])]
         return dict(zip(probe.origins, rules, strict=True)), stiffness
 
     def _measure(self, sets: bytes, count: int) -> dict[ExperimentData, StepChoice]:
         """The cheapest sufficient level of every parameter set."""
-        explicit, implicit = self._needed(np.frombuffer(sets).reshape(count, -1))
+        (explicit, _), (implicit, _) = self._needed(np.frombuffer(sets).reshape(count, -1))
         levels = [
             [self.settings.cheapest(*steps, self.settings.unresolved) for steps in zip(*columns, strict=True)]
             for columns in zip(explicit.T, implicit.T, strict=True)
         ]
         return dict(zip(self._probe().origins, map(StepChoice.of, levels), strict=True))
 
-    def _needed(self, p: FloatArray, rate: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Explicit and implicit steps that sets (N, np) need on each test.
+    def _typical(self, needed: FloatArray, kinked: NDArray[np.bool_]) -> FloatArray:
+        """The steps that sets need on each test, (N, T), where kinks ask for them no more than usual."""
+        result = needed.copy()
+        for steps, chance in zip(result.T, kinked.T, strict=True):
+            if chance.any():
+                usual = np.quantile(steps[chance], self.settings.kinks, method="higher")
+                steps[chance] = np.minimum(steps[chance], usual)
+        return result
+
+    def _needed(self, p: FloatArray, rate: FloatArray | None = None) -> tuple[Needed, Needed]:
+        """Explicit and implicit steps that sets (N, np) need on each test, and where kinks ask for them.
 
         The number is doubled until the outputs change by less than the tolerance.
         """
         probe, settings = self._probe(), self.settings
         explicit = probe.needed(p, RK4, settings.explicit[-1], self._tolerance, rate)
-        skip = explicit <= settings.few
+        skip = explicit[0] <= settings.few
         return explicit, probe.needed(p, RODAS4, settings.implicit[-1], self._tolerance, skip=skip)
 
 

@@ -10,7 +10,8 @@ from mofit.errors import InputError
 from mofit.sampling import SampleSettings, StudentTMixture, effective_size, laplace_covariance, r_hat, sample_mode
 from mofit.sampling.chains import assess
 from mofit.sampling.convergence import stuck_walkers
-from mofit.sampling.state import begin, extend, produce
+from mofit.sampling.ensemble import safe
+from mofit.sampling.state import begin, extend, produce, refit
 
 D = 8
 ROOT = np.random.default_rng(1).normal(size=(D, D))
@@ -50,6 +51,25 @@ def test_a_wrong_laplace_approximation_is_mended_by_the_burn_in():
     chains = sample_mode(gaussian, np.full(D, 0.47), 9 * np.diag(np.diag(COVARIANCE)), seed=2)
     assert chains.converged, chains.reasons
     check_moments(chains, np.full(D, 0.5), np.sqrt(np.diag(COVARIANCE)))
+
+
+def test_chains_that_mix_more_slowly_than_promised_start_anew_with_a_proposal_fitted_to_them():
+    settings, target = SampleSettings(), safe(gaussian)
+    narrow = StudentTMixture.single(np.full(D, 0.5), 0.02 * COVARIANCE, 5.0)
+    right = StudentTMixture.single(np.full(D, 0.5), COVARIANCE, 5.0)
+    run = produce(begin(target, right, np.random.SeedSequence(4), settings), settings)
+    run = extend(target, replace(run, proposal=narrow), settings, 200, run.tau)
+    tau = assess(run, settings).tau
+    assert tau.max() > 5
+    fresh = refit(run, tau, settings)
+    assert (fresh.steps, fresh.burned) == (0, 200)
+    assert fresh.time < tau.max() / 2
+    np.testing.assert_allclose(fresh.proposal.scales[0], COVARIANCE, atol=0.3 * COVARIANCE.max())
+    np.testing.assert_array_equal(fresh.ensembles[0].positions, run.ensembles[0].positions)
+    fresh = extend(target, fresh, settings, 200, tau)
+    assert assess(fresh, settings).tau.max() < tau.max() / 2
+    promised = np.full(D, fresh.time)
+    assert refit(fresh, promised, settings) is fresh
 
 
 def test_banana():

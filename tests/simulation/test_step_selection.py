@@ -1,14 +1,17 @@
 """The choice of method and number of steps."""
 
+import casadi as ca
 import numpy as np
 import pytest
 from kernel_models import DYNAMIC, NOMINAL, OSCILLATOR, RELAXATION, TYRE, dynamic_box, sine_experiment, tyre_experiment
 
 from mofit.errors import InputError
+from mofit.models import Channel, Equations, Model, build_system
+from mofit.parameters import Parameter
 from mofit.simulation import Simulator
 from mofit.simulation.integrators import RK4, RODAS4
 from mofit.simulation.step_probing import StepSettings, Stiffness
-from mofit.simulation.step_selection import sample_box
+from mofit.simulation.step_selection import StepSelection, sample_box
 
 
 def test_sample_lies_in_the_box_and_holds_its_corners():
@@ -79,3 +82,37 @@ def test_changed_data_keep_the_time_grid_and_the_rule():
 def test_box_of_another_size_is_an_input_error():
     with pytest.raises(InputError, match="tau, gain, start"):
         Simulator(RELAXATION, [sine_experiment(RELAXATION)], box=([0.0], [1.0]))
+
+
+class Stops(Model):
+    """A lag that hits a stop on either side: a kink in the state, met at any moment between samples."""
+
+    name = "stops"
+    states = (Channel("x", "m"),)
+    inputs = (Channel("u", "m"),)
+    outputs = (Channel("y", "N"),)
+    parameters = (Parameter("tau", "s", 0.1, 1.0, 0.3, "log"), Parameter("gap", "m", 0.1, 0.9, 0.4))
+
+    def equations(self, s):
+        beyond = ca.fmax(s.x - s.gap, 0) + ca.fmin(s.x + s.gap, 0)
+        return Equations({"y": s.x}, {"x": (s.u - s.x) / s.tau - 40 * beyond}, {})
+
+
+def test_kinks_that_a_few_sets_meet_by_chance_do_not_make_all_others_dear(monkeypatch):
+    system, box = build_system(Stops()), ([0.1, 0.1], [1.0, 0.9])
+    experiment, p = sine_experiment(system, 0.4, 200, 0.05), sample_box(*map(np.array, box), StepSettings(points=32))
+    fine = Simulator(system, [experiment], box=box, tolerance=1e-9)
+
+    def work_and_errors():
+        simulator = Simulator(system, [experiment], box=box, tolerance=1e-5)
+        choice = simulator.rules[0].choose(simulator._selection._calibration[1](p))
+        pairs = [(simulator.simulate(own)[0], fine.simulate(own)[0]) for own in p]
+        errors = [np.max(np.abs(found - right)) / np.ptp(right) for found, right in pairs]
+        return np.mean([choice.levels[k].cost for k in choice.taken]), np.quantile(errors, [0.5, 0.9, 1.0])
+
+    cost, errors = work_and_errors()
+    monkeypatch.setattr(StepSelection, "settings", StepSettings(kinks=1.0))
+    dearer, least = work_and_errors()
+    assert cost < 0.7 * dearer
+    assert np.all(errors < 1.3 * least)
+    assert errors[-1] < 1e-4
