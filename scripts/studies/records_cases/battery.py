@@ -18,30 +18,32 @@ from records_cases.case import Case, imported
 
 #: samples of a pulse, at 10 Hz: it ends at 10.0 s
 PULSE = 100
+#: charge state of the lowest record
+LOWEST = 0.1
 
 
-def slope(name: str, of: str) -> Parameter:
-    """Of a logarithm over the charge state, from the middle to its ends: at most a factor of twenty."""
-    return Parameter(name, "1", -3.0, 3.0, 0.0, description=of)
+def rise(name: str, of: str) -> Parameter:
+    """How much larger a quantity is at the lowest charge, relative to what it is at full charge."""
+    return Parameter(name, "1", 1e-2, 1e2, 1.0, "log", f"{of} at a tenth of the charge, relative to full, less one")
 
 
 class ChargedCell(Model):
-    """U = U_0 + R_0 I + U_1, tau U_1' = R_1 I - U_1; R_0, R_1 and tau are exponentials of a polynomial of the charge.
+    """U = U_0 + R_0 I + U_1, tau U_1' = R_1 I - U_1; R_0, R_1 and tau rise exponentially towards the empty cell.
 
-    The charge variable d runs from -1 (empty) to 1 (full); currents of discharge are negative.
+    Chen and Rincon-Mora, "Accurate electrical battery model capable of predicting runtime and I-V performance", IEEE
+    Transactions on Energy Conversion 21 (2006). Currents of discharge are negative.
     """
 
     name = "charged_cell"
     title = "cell with one RC branch"
     parameters = (
-        Parameter("R_0", "ohm", 1e-3, 1.0, 0.03, "log", "series resistance at half charge"),
-        Parameter("R_1", "ohm", 1e-4, 1.0, 0.01, "log", "resistance of the branch at half charge"),
-        Parameter("tau", "s", 0.1, 100.0, 5.0, "log", "time constant of the branch at half charge"),
-        slope("a_0", "slope of log R_0"),
-        slope("b_0", "curvature of log R_0"),
-        slope("a_1", "slope of log R_1"),
-        slope("b_1", "curvature of log R_1"),
-        slope("a_t", "slope of log tau"),
+        Parameter("R_0", "ohm", 1e-3, 1.0, 0.03, "log", "series resistance at full charge"),
+        Parameter("R_1", "ohm", 1e-4, 1.0, 0.01, "log", "resistance of the branch at full charge"),
+        Parameter("tau", "s", 0.1, 100.0, 5.0, "log", "time constant of the branch at full charge"),
+        rise("r_0", "R_0"),
+        rise("r_1", "R_1"),
+        rise("r_t", "tau"),
+        Parameter("w", "1", 1e-2, 1.0, 0.1, "log", "charge over which the rises fall to 1/e"),
         Parameter("U_0", "V", 2.5, 4.5, 3.7, description="open-circuit voltage", per="test"),
     )
     conditions = (Condition("state_of_charge", "1"),)
@@ -51,12 +53,11 @@ class ChargedCell(Model):
 
     def equations(self, s: Symbols) -> Equations:
         """One state; the charge does not change within a pulse of 21 mAh."""
-        d = 2 * s.state_of_charge - 1
-        series = s.R_0 * ca.exp(s.a_0 * d + s.b_0 * d**2)
-        branch, tau = s.R_1 * ca.exp(s.a_1 * d + s.b_1 * d**2), s.tau * ca.exp(s.a_t * d)
+        low = ca.exp((LOWEST - s.state_of_charge) / s.w)
+        series, branch = s.R_0 * (1 + s.r_0 * low), s.R_1 * (1 + s.r_1 * low)
         return Equations(
             outputs={"voltage": s.U_0 + series * s.current + s.polarisation},
-            derivatives={"polarisation": (branch * s.current - s.polarisation) / tau},
+            derivatives={"polarisation": (branch * s.current - s.polarisation) / (s.tau * (1 + s.r_t * low))},
         )
 
 
