@@ -1,17 +1,16 @@
-"""Measured and simulated signals: loops and traces (Hackl et al. 2016, Figure 10), spectra of broadband tests."""
+"""Measured and simulated signals: loops and traces (Hackl et al. 2016, Figure 10), spectra."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from mofit._typing import FloatArray
-from mofit.report.overlay import BROADBAND, Overlay, by_output, extract_overlays, headed, output_unit
+from mofit.report.overlay import Overlay, by_output, extract_overlays, headed, output_unit
 from mofit.report.run import SHOWN, Run
+from mofit.report.spectra import extract_spectra, spectra_figure
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text
 from mofit.report.toolkit.figures import (
@@ -29,44 +28,6 @@ from mofit.report.toolkit.formatting import Unit, display_unit
 
 _DENSE = 800
 """Samples from which a curve is rasterised."""
-
-_FEWEST = 16
-"""Samples that a spectrum needs."""
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Amplitudes over frequency (Hz), SI units; `noise` is the expected amplitude of white noise of the test's sd."""
-
-    test: str
-    frequency: FloatArray
-    measured: FloatArray
-    residual: FloatArray
-    baseline_residual: FloatArray
-    noise: float
-
-
-def extract_spectra(overlays: Sequence[Overlay]) -> list[Spectrum]:
-    r"""Amplitude spectra :math:`2 |Y_k| / n` of the whole records.
-
-    White noise of standard deviation σ has amplitudes of mean :math:`\sigma \sqrt{\pi / n}` (Rayleigh).
-    """
-    return [
-        Spectrum(
-            test=o.test,
-            frequency=np.asarray(np.fft.rfftfreq(o.time.size, float(np.median(np.diff(o.time))))[1:], dtype=float),
-            measured=_amplitude(o.measured),
-            residual=_amplitude(o.measured - o.simulated),
-            baseline_residual=_amplitude(o.measured - o.baseline) if o.baseline.size else np.empty(0),
-            noise=o.noise_sd * float(np.sqrt(np.pi / o.time.size)),
-        )
-        for o in overlays
-        if o.time.size >= _FEWEST
-    ]
-
-
-def _amplitude(signal: FloatArray) -> FloatArray:
-    return 2 / signal.size * np.abs(np.fft.rfft(signal))[1:]
 
 
 def draw_loop(overlays: Sequence[Overlay], unit: Unit, axes: Axes, *, predictive: bool = False) -> Axes:
@@ -122,20 +83,6 @@ def draw_trace(overlay: Overlay, unit: Unit, small: Unit, axes: Axes, residual: 
     return axes
 
 
-def _draw_spectrum(spectrum: Spectrum, unit: Unit, axes: Axes) -> Axes:
-    """Amplitudes as dots over frequency, and the noise as a line."""
-    dots: dict[str, Any] = {"ls": "none", "marker": ".", "ms": 2.0, "rasterized": True}
-    axes.plot(spectrum.frequency, unit.factor * spectrum.measured, color=MEASURED, **dots)
-    if spectrum.baseline_residual.size:
-        axes.plot(spectrum.frequency, unit.factor * spectrum.baseline_residual, color=BASELINE, **dots)
-    axes.plot(spectrum.frequency, unit.factor * spectrum.residual, color=mode_colour(0), **dots)
-    if spectrum.noise > 0:
-        axes.axhline(unit.factor * spectrum.noise, color=FLOOR, lw=2)
-    axes.set_yscale("log")
-    axes.set_title(spectrum.test)
-    return axes
-
-
 def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str) -> Figure:
     """A panel per test; `loops` holds the tests of each mode, best first. `output` is its name, of several."""
     modes = list(loops.values())
@@ -175,24 +122,6 @@ def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: s
     )
 
 
-def _spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode: str, output: str) -> Figure:
-    """A panel per broadband test."""
-    legend = [dot_key(MEASURED, "measured", marker="."), dot_key(mode_colour(0), f"residual of {mode}", marker=".")]
-    if baseline:
-        legend.append(dot_key(BASELINE, f"residual of {baseline}", marker="."))
-    panels = Panels(len(spectra), 2, 2.1, legend=[*legend, line_key(FLOOR, "noise level", lw=2)])
-    for spectrum, axes in zip(spectra, panels.axes, strict=True):
-        _draw_spectrum(spectrum, unit, axes)
-    panels.label("frequency (Hz)", unit.label("amplitude"))
-    return panels.figure(
-        headed("Amplitude spectra of output and residual per broadband test", output),
-        "Amplitude spectrum of the output and of the residual.",
-        good="the residual equals the noise level at all frequencies.",
-        bad="peaks above the noise level: near a resonance the frequency or damping is wrong, between the excited "
-        "lines a nonlinearity is missing.",
-    )
-
-
 def signals_section(run: Run) -> Section | None:
     """Loops of all modes; traces and spectra of the best."""
     by_mode = {mode.name: found for mode in run.shown if (found := extract_overlays(run, mode))}
@@ -202,7 +131,7 @@ def signals_section(run: Run) -> Section | None:
     best = by_mode[name]
     baseline = run.baseline_title if any(overlay.baseline.size for overlay in best) else ""
     loops = {key: [o.last(1) for o in overlays if o.loops] for key, overlays in by_mode.items()}
-    traces, spectra = [o.last(2) for o in best], extract_spectra([o for o in best if o.excitation in BROADBAND])
+    traces, spectra = [o.last(2) for o in best], extract_spectra(best)
     blocks: list[Block] = []
     for output, whole in by_output(best).items():
         unit, tests = output_unit(whole), {o.test for o in whole}
@@ -211,7 +140,7 @@ def signals_section(run: Run) -> Section | None:
             blocks.append(_loops_figure(of_output, unit, baseline, output))
         blocks.append(_traces_figure([o for o in traces if o.test in tests], unit, baseline, name, output))
         if own := [spectrum for spectrum in spectra if spectrum.test in tests]:
-            blocks.append(_spectra_figure(own, unit, baseline, name, output))
+            blocks.append(spectra_figure(own, unit, baseline, name, output))
     if len(run.modes) > SHOWN:
         blocks.append(Text(f"The figures show the {SHOWN} best modes; the tables list all {len(run.modes)}."))
     data = {

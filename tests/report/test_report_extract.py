@@ -10,6 +10,7 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from scipy.signal import lfilter
 
 from mofit.report.convergence import extract_traces
 from mofit.report.corner import draw_corner, extract_corner, tick_texts
@@ -20,7 +21,7 @@ from mofit.report.per_test import draw_leverage, extract_leverage, extract_per_t
 from mofit.report.run import Mode, Run
 from mofit.report.search import extract_front
 from mofit.report.search_map import extract_search, pairs
-from mofit.report.signals import extract_spectra
+from mofit.report.spectra import extract_spectra
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +183,24 @@ def test_spectrum_of_a_sine_and_of_white_noise() -> None:
     line = np.argmax(spectrum.measured)
     assert spectrum.frequency[line] == pytest.approx(8.0)
     assert spectrum.measured[line] == pytest.approx(3.0, abs=0.05)
-    assert spectrum.residual[:-1].mean() == pytest.approx(spectrum.noise, rel=0.05)
+    np.testing.assert_allclose(spectrum.noise, 0.5 * np.sqrt(np.pi / n), rtol=0.1)
+    assert spectrum.residual[:-1].mean() == pytest.approx(spectrum.noise.mean(), rel=0.05)
+    assert not spectrum.repeats
+
+
+def test_what_the_model_lacks_stands_above_the_spectrum_of_coloured_noise() -> None:
+    n = 4096
+    time = np.arange(n) / 128.0
+    noise = lfilter([1.0], [1.0, -0.8], np.random.default_rng(7).normal(size=n))
+    model, lacks = 300.0 * np.sin(2 * np.pi * time), np.sin(6 * np.pi * time)
+    (spectrum,) = extract_spectra([overlay("sine", time, model + lacks + noise, model, period=1.0)])
+    true = np.sqrt(np.pi / n) / np.abs(1 - 0.8 * np.exp(-2j * np.pi * spectrum.frequency / 128))
+    assert spectrum.repeats
+    assert np.mean((spectrum.low < true) & (true < spectrum.high)) > 0.8
+    np.testing.assert_allclose(spectrum.noise, true, rtol=0.35)
+    third = np.argmin(np.abs(spectrum.frequency - 3.0))
+    assert spectrum.residual[third] > 2 * spectrum.high[third]
+    assert np.mean(spectrum.residual > 3 * spectrum.high) < 0.01
 
 
 @pytest.mark.parametrize(
