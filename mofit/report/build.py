@@ -31,10 +31,13 @@ _PAGES = {
 
 #: Figures are drawn in Python, a core at a time; a second process halves the wait, more would mostly start up.
 _PROCESSES = 2
+#: Bytes of a result that are sent to a process: on the way there are three of it in memory.
+_MOST_SENT = 50_000_000
 #: Height of a page's frame in a notebook [CSS pixels]; the page scrolls inside it.
 _HEIGHT = 720
 
-#: ``with drawn(tree, folder): ...``: in the block the report is being drawn, after it it is there.
+
+#: ``with drawn(tree, folder): write_result(tree, folder)``: after the block the report is drawn.
 Drawn = Callable[[xr.DataTree, Path], AbstractContextManager[None]]
 
 
@@ -66,11 +69,18 @@ def build_uncertainty(folder: Path | str, tree: xr.DataTree | None = None) -> Pa
 
 @contextmanager
 def report_beside() -> Iterator[Drawn]:
-    """A process that gets ready to draw while the caller computes, and draws the report while the caller goes on."""
+    """A process that gets ready to draw while the caller computes, and draws the report while the caller writes.
+
+    A large result is not sent to it, but read from its file once that is written.
+    """
     with ready_beside(_get_ready) as start:
 
         @contextmanager
         def drawn(tree: xr.DataTree, folder: Path) -> Iterator[None]:
+            if sum(node.dataset.nbytes for node in tree.subtree) > _MOST_SENT:
+                yield
+                start(_from_file, folder)()
+                return
             finished = start(write_report, tree, folder)
             try:
                 yield
@@ -78,6 +88,10 @@ def report_beside() -> Iterator[Drawn]:
                 finished()
 
         yield drawn
+
+
+def _from_file(folder: Path) -> None:
+    write_report(open_result(folder), folder)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import NullLocator
 
 from mofit._typing import FloatArray
 from mofit.data.signals import noise_process
@@ -18,7 +19,7 @@ from mofit.report.toolkit.formatting import Unit
 
 _FEWEST = 16
 """Samples that a spectrum needs."""
-_SHOWN = 12
+_SHOWN = 6
 """Tests that are drawn: those of which most is left."""
 
 
@@ -87,6 +88,8 @@ def draw_spectrum(spectrum: Spectrum, unit: Unit, axes: Axes) -> Axes:
     axes.plot(spectrum.frequency, unit.factor * spectrum.noise, color=FLOOR, lw=1.5)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(NullLocator())  # most of the time to draw a panel
     top = unit.factor * float(np.max(spectrum.measured))
     axes.set_ylim(0.05 * unit.factor * float(np.min(spectrum.noise)) or None, 2 * top if top > 0 else None)
     axes.set_title(spectrum.test)
