@@ -12,7 +12,9 @@ from scipy.special import gammaln, logsumexp
 
 from mofit._typing import FloatArray
 
-DEGREES_OF_FREEDOM = (5.0, 10.0, 20.0)
+FIRST_FREEDOM = 5.0
+"""Degrees of freedom of a proposal that is not fitted to draws."""
+DEGREES_OF_FREEDOM = (3.0, 5.0, 10.0, 20.0)
 """Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show."""
 MOST_COMPONENTS = 16
 """Each needs some dozens of draws to be fitted to."""
@@ -170,7 +172,7 @@ def best_proposal(
             for nu in DEGREES_OF_FREEDOM
         )
 
-    best, freedom = np.inf, DEGREES_OF_FREEDOM[0]
+    best, freedom = np.inf, FIRST_FREEDOM
     if former is not None:
         shape = former.weights, former.means, former.scales
         best, freedom = judge(shape)

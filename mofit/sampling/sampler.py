@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from mofit.sampling.chains import Chains, assess
 from mofit.sampling.checkpoint import Checkpoints
 from mofit.sampling.ensemble import LogPosterior, safe
-from mofit.sampling.independence_proposal import DEGREES_OF_FREEDOM, StudentTMixture
+from mofit.sampling.independence_proposal import FIRST_FREEDOM, StudentTMixture
 from mofit.sampling.settings import SampleSettings
 from mofit.sampling.state import begin, burn_in, extend, produce, refit
 
@@ -84,7 +84,7 @@ def sample_mode(
     checkpoints = Checkpoints(path, mode, origin, start, settings.checkpoint_seconds)
     run = checkpoints.load()
     if run is None:
-        gaussian = StudentTMixture.single(start, np.asarray(covariance, dtype=float), DEGREES_OF_FREEDOM[0])
+        gaussian = StudentTMixture.single(start, np.asarray(covariance, dtype=float), FIRST_FREEDOM)
         run = begin(target, valley or gaussian, np.random.SeedSequence(seed), settings)
     while not run.settled and time.monotonic() < until:
         run = checkpoints.save(burn_in(target, run, settings))

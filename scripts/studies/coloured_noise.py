@@ -1,7 +1,7 @@
 """Do intervals hold the truth under coloured noise? Writes reports/records/coloured_noise.md.
 
     python scripts/studies/coloured_noise.py [--campaigns 200] [--pooled 200] [--first 0] [--parallel 2]
-                                            [--work FOLDER]
+                                            [--work FOLDER] [--page FILE]
 
 A damper with one Maxwell branch is driven by two chirps and two random records of 10 s at 200 Hz; no record repeats.
 The force is integrated here, exactly for a stroke that is linear over a twentieth of a sample, and shares no code
@@ -151,6 +151,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="seed of the first")
     parser.add_argument("--parallel", type=int, default=2)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "coloured_noise")
+    parser.add_argument("--page", type=Path, default=ROOT / "reports" / "records" / "coloured_noise.md")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
     tasks = [(args.first + k, "free") for k in range(args.campaigns)]
@@ -159,9 +160,8 @@ def main() -> None:
         rows = list(pool.map(partial(row, work=args.work), tasks))
     command = f"coloured_noise.py --campaigns {args.campaigns} --pooled {args.pooled} --first {args.first}"
     text = page(rows, command)
-    path = ROOT / "reports" / "records" / "coloured_noise.md"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    args.page.parent.mkdir(parents=True, exist_ok=True)
+    args.page.write_text(text, encoding="utf-8")
     print(text)
 
 
