@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from mofit.data import Campaign
+from mofit.data.repeats import repeated, with_repeats
 from mofit.data.signals import analyse
 from mofit.models import Model, build_system
 from mofit.parameters import ParameterLayout, ParameterSpace
@@ -58,11 +59,16 @@ def build_problem(
     shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
     layout = ParameterLayout.of_model(model.parameters, shared, fixed)
     tests = campaign.measurements
-    signals = tuple(
-        analyse(
-            test, None if undriven(model, test.experiment) else first_input(model), measured_outputs(model, test)[0]
-        )
-        for test in tests
+    repeats = repeated(tests)
+    signals = with_repeats(
+        tests,
+        [
+            analyse(
+                test, None if undriven(model, test.experiment) else first_input(model), measured_outputs(model, test)[0]
+            )
+            for test in tests
+        ],
+        repeats,
     )
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
@@ -80,4 +86,5 @@ def build_problem(
         experiments=experiments,
         noise=replace(first_noise(model, tests, signals, experiments), absorbed=simulator.absorbed),
         prior=prior,
+        repeats=tuple(tuple(tests[k].name for k in group) for group in repeats),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Measurement
-from mofit.data.signals import SignalAnalysis
+from mofit.data.signals import REPEATED, SignalAnalysis
 from mofit.models import Model, System
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.problem.curvature_adjustment import Score
@@ -64,6 +64,8 @@ class Problem:
     """What earlier stages know of some free parameters."""
     pooling: Pooling | None = None
     """The normals of pooled parameters; their means and spreads are the last free parameters."""
+    repeats: tuple[tuple[str, ...], ...] = ()
+    """Names of tests that repeat one another, see `mofit.data.repeats`."""
 
     @property
     def main(self) -> Problem:
@@ -174,7 +176,26 @@ class Problem:
                 yield response[0, ..., 0], slopes * derivative
 
         sums = self.sums(point[None])
-        return score_covariance(sums, self.noise.weights, self.experiments, self.periods, responses())
+        experiments = self._with_common_residuals(values)
+        return score_covariance(sums, self.noise.weights, experiments, self.periods, responses())
+
+    def _with_common_residuals(self, values: FloatArray) -> tuple[ExperimentData, ...]:
+        r"""The tests with residuals that count repeated records as what they are, at one set (1, np).
+
+        What the model lacks is the same in all n repeats: their scores do not average it out. A residual of
+        :math:`\sqrt{n}` times the mean of theirs in each of them has the spectrum of the noise and n times that of the
+        gap, so that the sum over the repeats is right for both.
+        """
+        groups = [[self.tests.index(name) for name in group if name in self.tests] for group in self.repeats]
+        groups = [[k for k in group if self.signals[k].noise_method == REPEATED] for group in groups]
+        found = list(self.experiments)
+        for group in (group for group in groups if len(group) > 1):
+            simulated = [output[0] for output in self.simulator.select(group).simulate(values)]
+            residuals = [found[k].measured - output for k, output in zip(group, simulated, strict=True)]
+            common = np.sqrt(len(group)) * np.mean(residuals, axis=0)
+            for k, output in zip(group, simulated, strict=True):
+                found[k] = replace(found[k], measured=output + common)
+        return tuple(found)
 
     def simulate(self, u: FloatArray) -> list[FloatArray]:
         """Simulated outputs per test, shape (N, samples, outputs)."""

@@ -111,9 +111,9 @@ def spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode:
     repeats = [spectrum.repeats for spectrum in shown]
     says = "The noise is what differs from period to period."
     if not any(repeats):
-        says = "No test repeats: the noise model is the residual, smoothed, and shows its colour, not a gap."
+        says = "No test is periodic: the noise model is the residual, smoothed, and shows its colour, not a gap."
     elif not all(repeats):
-        says += " Of tests that do not repeat it is the residual, smoothed."
+        says += " Of tests that are not periodic it is the residual, smoothed."
     few = f" Of {len(spectra)} tests the {_SHOWN} with the largest residual." if len(spectra) > _SHOWN else ""
     return panels.figure(
         headed("Spectra of output and residual beside the noise model", output),

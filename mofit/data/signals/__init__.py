@@ -1,11 +1,12 @@
 """Signal analysis of records: period, transient, noise, derivative."""
 
-from mofit.data.signals.analysis import SignalAnalysis, analyse, find_transient, steady_samples
+from mofit.data.signals.analysis import REPEATED, SignalAnalysis, analyse, find_transient, steady_samples
 from mofit.data.signals.noise_process import NoiseProcess, noise_process
 from mofit.data.signals.periodicity import periodic_fit
 from mofit.data.signals.smoothing import smooth_derivative
 
 __all__ = [
+    "REPEATED",
     "NoiseProcess",
     "SignalAnalysis",
     "analyse",

@@ -20,8 +20,10 @@ from mofit.quantities import SINGLE_EXCITATIONS
 _SHORTEST_OVERLAP = 64
 #: tests whose analysis is cached: every problem on a campaign needs it again
 _CACHED = 64
+#: the noise is what differs between records of the same test, see `mofit.data.repeats`
+REPEATED = "repeated records"
 #: methods that see the noise in what repeats
-REPEATS = ("period to period", "overlap of periods")
+REPEATS = ("period to period", "overlap of periods", REPEATED)
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ class SignalAnalysis:
     noise_sd: Mapping[str, float]
     """Standard deviation of the noise of every channel, in its unit."""
     noise_method: str
-    """How it was found, for the last output: ``"period to period"``, ``"overlap of periods"``, ``"smoothing residual"``
-    or ``"top of spectrum"`` (a lower bound)."""
+    """How it was found, for the last output: ``"period to period"``, ``"overlap of periods"``, ``"repeated
+    records"``, ``"smoothing residual"`` or ``"top of spectrum"`` (a lower bound)."""
     noise_floor: Mapping[str, float]
     """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
 
