@@ -19,6 +19,7 @@ from mofit.models import Model, System, build_system
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.prediction.draws import posterior_draws
 from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_values
+from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
@@ -96,7 +97,9 @@ class Identified:
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
         sets = self._sets(scoped, count)
         fitted = [one.parameter for one in scoped if one.source == "fitted"]
-        (outputs,) = self._simulator(experiment, measurement, fitted, sets).simulate(sets)
+        if fitted:
+            sets = self._fitted(experiment, measurement, fitted, sets, analysis.period)
+        (outputs,) = self._simulator(experiment, sets).simulate(sets)
         good = np.isfinite(outputs).all(axis=(1, 2))
         if not good.any():
             message = f"model '{model.name}' gives no finite output at any draw of the run"
@@ -111,17 +114,42 @@ class Identified:
             values[one.parameter.name] = one.draws(self._known, DRAWS, rng)
         return np.stack([values[name][:count] for name in self.system.parameters], axis=1)
 
-    def _simulator(
-        self, experiment: ExperimentData, measurement: Measurement, fitted: Sequence[Parameter], sets: FloatArray
-    ) -> Simulator:
-        """One of its own for every record, so that no other record changes its integration steps."""
-        low, high = sets.min(axis=0), sets.max(axis=0)
-        room = _ROOM * (high - low)
-        box = (np.where(low > 0, np.maximum(low - room, 0.5 * low), low - room), high + room)
-        if not fitted:
-            return Simulator(self.system, [experiment], (), jobs=self.jobs, tolerance=TOLERANCE, box=box)
+    def _fitted(
+        self,
+        experiment: ExperimentData,
+        measurement: Measurement,
+        fitted: Sequence[Parameter],
+        sets: FloatArray,
+        period: float | None,
+    ) -> FloatArray:
+        """The sets (D, np) with values fitted to the record at each, moved by what is not known of them.
+
+        Their covariance is that of a fit of this record with its coloured residual, see
+        `mofit.problem.scoped_covariance`, at the set in the middle.
+        """
         scopes = Scopes.of(ParameterSpace(tuple(fitted)), [measurement])
-        return ScopedSimulator(self.system, [experiment], (), scopes, jobs=self.jobs, tolerance=TOLERANCE, box=box)
+        simulator = ScopedSimulator(
+            self.system, [experiment], (), scopes, jobs=self.jobs, tolerance=TOLERANCE, box=_around(sets)
+        )
+        best, weights = simulator.best(sets), np.ones(len(experiment.fitted))
+        middle = sets[np.argsort(np.sum(best.cost, axis=1))[len(sets) // 2]][None]
+        (covariance,) = scoped_covariance(simulator, middle, [period], weights, (0.0, 0.0))
+        rng = np.random.default_rng((self.seed, 2))
+        moved = rng.multivariate_normal(np.zeros(len(covariance)), covariance, len(sets))
+        found = sets.copy()
+        found[:, simulator.columns] = scopes.space.from_unit(np.clip(best.unit[:, 0] + moved, 0.0, 1.0))
+        return found
+
+    def _simulator(self, experiment: ExperimentData, sets: FloatArray) -> Simulator:
+        """One of its own for every record, so that no other record changes its integration steps."""
+        return Simulator(self.system, [experiment], (), jobs=self.jobs, tolerance=TOLERANCE, box=_around(sets))
+
+
+def _around(sets: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Bounds of the sets (D, np) with some room; what is positive stays so."""
+    low, high = sets.min(axis=0), sets.max(axis=0)
+    room = _ROOM * (high - low)
+    return np.where(low > 0, np.maximum(low - room, 0.5 * low), low - room), high + room
 
 
 #: What is known of a record without an output: it is not scored.

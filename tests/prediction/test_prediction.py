@@ -165,6 +165,8 @@ def test_scoped_parameters_are_fitted_to_a_measured_record(leaning):
     found = mofit.predict(leaning, straight_line.campaign(new), model=straight_line.Leaning())
     (row,) = prediction_rows(found)
     assert row["scoped"] == {"b": "fitted", "c": "fitted"}
+    # linear regression: offset and slope of the lever from this record's 1,000 samples, k from four times as many
+    assert row["parameter_sd"] == pytest.approx(straight_line.NOISE * np.sqrt(2 / 1000 + 1 / 4000), rel=0.12)
     assert row["rms"] == pytest.approx(straight_line.NOISE, rel=0.05)
     assert row["coverage"] == pytest.approx(0.9, abs=0.04)
 
