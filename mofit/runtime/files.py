@@ -16,6 +16,8 @@ from mofit.errors import InputError, WriteError
 
 #: values from which a variable is compressed: the header of a chunk takes more than a shorter one saves
 _SMALLEST_COMPRESSED = 256
+#: bytes of written chunks that HDF5 keeps per variable
+_CHUNK_CACHE = 1 << 20
 
 
 #: Errors of the system after which an output cannot be written.
@@ -161,5 +163,18 @@ def write_tree(tree: xr.DataTree, path: Path, level: int) -> None:
         }
         for node in tree.subtree
     }
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, _small_chunk_cache():
         tree.to_netcdf(temporary, engine="netcdf4", format="NETCDF4", encoding=encoding)
+
+
+@contextmanager
+def _small_chunk_cache() -> Iterator[None]:
+    """Chunks are written once and whole: caches of 64 MB per variable would hold all of the file until it is closed."""
+    import netCDF4  # late: its import takes a tenth of a second
+
+    usual = netCDF4.get_chunk_cache()
+    netCDF4.set_chunk_cache(_CHUNK_CACHE)
+    try:
+        yield
+    finally:
+        netCDF4.set_chunk_cache(*usual)
