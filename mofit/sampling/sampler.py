@@ -93,6 +93,7 @@ def sample_mode(
     if not run.producing:
         run = produce(run, settings)
     most = settings.chunk if until < math.inf else settings.max_steps  # the first steps tell how long one takes
+    pace = 0.0  # s per step
     while True:
         chains = assess(run, settings)
         if progress is not None:
@@ -100,10 +101,11 @@ def sample_mode(
         if chains.converged or run.steps >= settings.max_steps:
             checkpoints.save(run, last=True)
             return chains
-        former, run = run, refit(run, chains.tau, settings)
-        if run.steps < former.steps:
-            checkpoints.save(run)
-            continue
+        if time.monotonic() + 2 * pace * run.steps < until:  # else there would be fewer draws in the end
+            former, run = run, refit(run, chains.tau, settings)
+            if run.steps < former.steps:
+                checkpoints.save(run)
+                continue
         if chains.hopeless(run.tau, settings) or time.monotonic() >= until:
             checkpoints.save(run, last=True)
             return assess(run, settings, last=True)
