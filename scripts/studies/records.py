@@ -9,9 +9,10 @@ measured outputs. Errors of a prediction are those at the best point, and of the
 its 90 % band is that of the draws together with the residual of the identified tests. The form of the overflow of the
 tanks was chosen among some ten with the error on the validation record in view, and so were the ranges of the tanks:
 what is predicted there is no blind figure. The law of the cells' resistances is one from the literature, taken after
-a polynomial had left 1.2 %; the ranges of the Silverbox lie around the peak of its measured response. Seconds are wall times of this machine, with those to compile the model
-and to write result and report. The last table has other programs on the same records and equations, which they
-integrate by scipy's solve_ivp; they give a best fit and no posterior.
+a polynomial had left 1.2 %; the ranges of the Silverbox lie around the peak of its measured response. Seconds are
+wall times of this machine, with those to compile the model and to write result and report. The last table has other
+programs on the same records and equations, which they integrate by scipy's solve_ivp; they give a best fit and no
+posterior.
 
 Rows that the work folder holds already are kept, whatever code made them. pyPESTO and PINTS come with `make bench`;
 without them a row says so.
