@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike
 
@@ -117,5 +118,7 @@ def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
         last = ("output",) * signal.outputs
         lead = ("chain", "draw") if np.ndim(signal.values) == 3 + len(last) else ()
         variables[name] = quantity((*lead, time, *last), signal.values, signal.units, signal.long_name)
-        coords[time] = quantity(time, signal.time, "s", f"time of {signal.test}")
+        # an index that shares the measured time: xarray would copy it for every group
+        shared = pd.Index(signal.time, copy=False)
+        coords[time] = xr.Variable(time, shared, {"units": "s", "long_name": f"time of {signal.test}"})
     return xr.Dataset(variables, coords)
