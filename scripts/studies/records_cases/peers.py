@@ -21,6 +21,7 @@ from mofit._typing import FloatArray
 from mofit.data import Measurement
 from mofit.parameters import ParameterSpace
 from records_cases.battery import CASES as BATTERY
+from records_cases.battery import LOWEST
 from records_cases.case import Case
 from records_cases.tanks import CASES as TANKS
 from records_cases.tanks import SHALLOW
@@ -65,9 +66,9 @@ def tank_level(p: dict[str, float], test: Measurement) -> FloatArray:
 
 def cell_voltage(p: dict[str, float], test: Measurement) -> FloatArray:
     """`ChargedCell` by hand."""
-    d = 2 * test.experiment.conditions["state_of_charge"] - 1
-    series = p["R_0"] * np.exp(p["a_0"] * d + p["b_0"] * d**2)
-    branch, tau = p["R_1"] * np.exp(p["a_1"] * d + p["b_1"] * d**2), p["tau"] * np.exp(p["a_t"] * d)
+    low = math.exp((LOWEST - test.experiment.conditions["state_of_charge"]) / p["w"])
+    series, branch = p["R_0"] * (1 + p["r_0"] * low), p["R_1"] * (1 + p["r_1"] * low)
+    tau = p["tau"] * (1 + p["r_t"] * low)
     (voltage,) = integrated(lambda x, i: [(branch * i - x[0]) / tau], (0.0,), test, "current")
     return p["U_0 " + test.name] + series * test.channel("current") + voltage
 
