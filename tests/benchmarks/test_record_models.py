@@ -47,7 +47,7 @@ def test_tanks_are_those_written_by_hand() -> None:
 
 def test_cell_is_that_written_by_hand() -> None:
     test = measured("current", np.repeat([0.0, -7.5, 0.0], 40), 0.1, "voltage", state_of_charge=0.2)
-    values = {"R_0": 0.03, "R_1": 0.01, "tau": 2.0, "a_0": 0.1, "b_0": 0.2, "a_1": -0.5, "b_1": 0.8, "a_t": -0.3}
+    values = {"R_0": 0.03, "R_1": 0.01, "tau": 2.0, "r_0": 0.2, "r_1": 1.5, "r_t": 0.5, "w": 0.05}
     model = ChargedCell()
     model.parameters = tuple(replace(one, per="campaign") for one in model.parameters)
     by_hand = cell_voltage({**values, "U_0 t": 3.7}, test)

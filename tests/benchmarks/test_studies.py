@@ -13,6 +13,7 @@ SCRIPTS = sorted(path for path in (ROOT / "scripts" / "studies").glob("*.py") if
 PAGES = {
     "sixty_systems": "robustness/systems.md",
     "interrupted": "robustness/interrupted.md",
+    "interval_coverage": "robustness/coverage.md",
     "memory": "robustness/memory.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",
