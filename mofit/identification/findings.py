@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.data.signals import REPEATED
 from mofit.identification.combinations import combined
 from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum
@@ -63,7 +64,11 @@ def misfit(problem: Problem, nrmsd: FloatArray) -> list[Finding]:
             return [Finding("misfit", "caution", text)]
         text = f"The model does not fit: its residual is {ratio:.2g} times the noise {size_and_where}."
         return [Finding("misfit", "caution", f"{text} {advice}")]
-    share = np.where(nrmsd > NEGLIGIBLE, noise.independent / noise.count, 1.0)
+    # repeated records have shown that it is the noise which is coloured
+    known = np.array(
+        [problem.signals[test].noise_method == REPEATED for test, _ in objective_pairs(problem.experiments)]
+    )
+    share = np.where((nrmsd > NEGLIGIBLE) & ~known, noise.independent / noise.count, 1.0)
     least = int(np.argmin(share))
     if share[least] < WHITE:
         text = f"The residual of {names[least]} is not white: {noise.independent[least]:.0f} of "
