@@ -9,7 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data.campaign import Measurement
-from mofit.data.signals import REPEATED, SignalAnalysis
+from mofit.data.signals import REPEATED, SignalAnalysis, effective_samples
 
 #: share of the range by which inputs that were commanded alike differ at most: rounding
 _ROUNDING = 2e-4
@@ -17,6 +17,11 @@ _ROUNDING = 2e-4
 _LIKE = 0.01
 #: correlation of neighbours in the difference of two inputs, below which it is the noise of their sensors
 _WHITE = 0.3
+#: correlation of the difference of two outputs with what they share, above which a tenth of it follows the drive: two
+#: specimens, or another drive, not noise
+_FOLLOWS = 0.3
+#: independent samples of that difference, so that this is three standard deviations of what chance correlates
+_FEWEST = 100
 #: relative difference of two sampling intervals or conditions that are the same
 _SAME = 1e-4
 
@@ -25,8 +30,9 @@ def repeated(measurements: Sequence[Measurement]) -> list[list[int]]:
     """Indices of the tests that repeat one another, group by group; those that stand alone are in none.
 
     Repeats have the same kind, conditions, sampling and number of samples, and inputs that differ by no more than
-    rounding or the white noise of their sensors. The pairs are compared in order, so that each joins the first group
-    that it fits.
+    rounding or the white noise of their sensors. Specimens may be driven alike, too: the difference of the outputs must
+    not follow the output that they share, and have enough independent samples to tell. Copies, which do not differ, are
+    no repeats. The tests are compared in order, so that each joins the first group that it fits.
     """
     groups: list[list[int]] = []
     for k, one in enumerate(measurements):
@@ -78,7 +84,10 @@ def _alike(one: Measurement, other: Measurement) -> bool:
         return False
     if not all(np.isclose(value, b.conditions[name], rtol=_SAME, atol=0.0) for name, value in a.conditions.items()):
         return False
-    return all(_same_drive(values, b.inputs[name]) for name, values in a.inputs.items())
+    if not all(_same_drive(values, b.inputs[name]) for name, values in a.inputs.items()):
+        return False
+    common = [name for name in one.outputs if name in other.outputs]
+    return bool(common) and all(_differ_by_noise(one.outputs[name], other.outputs[name]) for name in common)
 
 
 def _same_drive(one: FloatArray, other: FloatArray) -> bool:
@@ -90,3 +99,12 @@ def _same_drive(one: FloatArray, other: FloatArray) -> bool:
     if size > _LIKE * np.std(one) or abs(difference.mean()) > size:
         return False
     return bool(abs(np.mean(rest[1:] * rest[:-1])) < _WHITE * size**2)
+
+
+def _differ_by_noise(one: FloatArray, other: FloatArray) -> bool:
+    difference, shared = (values - values.mean() for values in (one - other, one + other))
+    size = float(np.linalg.norm(difference) * np.linalg.norm(shared))
+    if not size > 0:
+        return False
+    follows = abs(float(difference @ shared)) / size
+    return follows < _FOLLOWS and effective_samples(difference) >= _FEWEST

@@ -125,7 +125,7 @@ def bin_weights(count: int) -> FloatArray:
 
 
 def independent_share(part: NoiseProcess) -> float:
-    """Expected share of independent samples, as `mofit.problem.effective_samples` counts them."""
+    """Expected share of independent samples, as `mofit.data.signals.effective_samples` counts them."""
     spectrum = part.spectrum[1:]
     # the square of an exponentially distributed bin is twice its mean's square on average
     return float(min(1.0, 2 * spectrum.sum() ** 2 / (spectrum**2).sum() / part.count))

@@ -59,17 +59,12 @@ def build_problem(
     shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
     layout = ParameterLayout.of_model(model.parameters, shared, fixed)
     tests = campaign.measurements
+    drivers = [None if undriven(model, test.experiment) else first_input(model) for test in tests]
+    alone = [
+        analyse(test, driver, measured_outputs(model, test)[0]) for test, driver in zip(tests, drivers, strict=True)
+    ]
     repeats = repeated(tests)
-    signals = with_repeats(
-        tests,
-        [
-            analyse(
-                test, None if undriven(model, test.experiment) else first_input(model), measured_outputs(model, test)[0]
-            )
-            for test in tests
-        ],
-        repeats,
-    )
+    signals = with_repeats(tests, alone, repeats)
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
         for measurement, analysis in zip(tests, signals, strict=True)

@@ -12,7 +12,7 @@ The overall level :math:`s` is unknown and integrated out under Jeffreys' prior 
 
 with :math:`C_t` the sum of squared residuals, :math:`n_t` their number and :math:`\nu_t` how many of them are
 *independent*. White noise has :math:`\nu_t = n_t`; coloured noise or a systematic misfit, which repeats from period to
-period, has far fewer (`effective_samples`), and the posterior widens accordingly.
+period, has far fewer (`mofit.data.signals.effective_samples`), and the posterior widens accordingly.
 """
 
 from __future__ import annotations
@@ -112,21 +112,6 @@ def common_gap(nrmsd: FloatArray, floor: FloatArray, independent: FloatArray) ->
     if excess(0.0) >= 0 or largest == 0:
         return 0.0
     return float(np.sqrt(brentq(excess, 0.0, largest, rtol=1e-12)))
-
-
-def effective_samples(residuals: FloatArray) -> float:
-    r"""Number of independent residuals in a record.
-
-    .. math:: \nu = \min\!\left(n,\; \frac{4\,(\sum_k S_k)^2}{\sum_k S_k^2}\right)
-
-    with the periodogram :math:`S_k` of the n residuals. For white noise the periodogram is exponentially distributed,
-    so that :math:`E\,S^2 = 2 (E\,S)^2` and :math:`\nu \to n`; a residual confined to one line has :math:`\nu = 4`.
-    """
-    power = np.abs(np.fft.rfft(residuals - residuals.mean())[1:]) ** 2
-    total = power.sum()
-    if not total > 0:
-        return float(len(residuals))
-    return float(min(len(residuals), 4 * total**2 / (power**2).sum()))
 
 
 def _weights(noise: Noise) -> tuple[FloatArray, float, float]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Measurement
-from mofit.data.signals import SignalAnalysis
+from mofit.data.signals import SignalAnalysis, effective_samples
 from mofit.models import Model
-from mofit.problem.likelihood import Noise, effective_samples
+from mofit.problem.likelihood import Noise
 from mofit.simulation import ExperimentData, objective_pairs
 
 

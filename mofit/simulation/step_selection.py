@@ -15,6 +15,7 @@ from mofit.simulation.integrators import RK4, RODAS4
 from mofit.simulation.step_probing import StepProbe, StepSettings, Stiffness
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
+#: steps that parameter sets need on each test, and where kinks ask for them, both (N, T)
 Needed = tuple[FloatArray, NDArray[np.bool_]]
 #: lower and upper bounds of all parameters
 Box = tuple[ArrayLike, ArrayLike]

@@ -8,11 +8,10 @@ The force is integrated here, exactly for a stroke that is linear over a twentie
 with mofit. Every second campaign has autoregressive noise of order 1 with the coefficient 0.8, the others 1/f noise
 (Kasdin's filter, begun 2,000 samples before the record); its standard deviation is 2 % of the range. Each record has
 an offset of its own, drawn from a normal of 20 N. Each campaign is identified and sampled twice, with free and with
-pooled offsets.
-Counted is how often the 90 % interval holds the truth; of the offsets, the normal interval of estimate and standard
-deviation. Of a normal whose mean and spread are estimated from four values, the truth is 0 N and 20 N. Long memory
-became part of the noise model after pilot runs of the seeds 0 to 23; those from 1000 on were never looked at before
-the code was as it is. Rows that the work folder holds are kept.
+pooled offsets. Counted is how often the 90 % interval holds the truth; of the offsets, the normal interval of estimate
+and standard deviation. Of a normal whose mean and spread are estimated from four values, the truth is 0 N and 20 N.
+Long memory became part of the noise model after pilot runs of the seeds 0 to 23. Rows that the work folder holds are
+kept.
 """
 
 from __future__ import annotations

@@ -37,10 +37,8 @@ def main() -> None:
     parser.add_argument("--limit", type=float, default=LIMIT, help="s of wall time; longer on a busy machine")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
-    digest, right = (
-        code_digest(arguments.option),
-        [case for case in cases() if case.kind == "right" and not case.narrow],
-    )
+    right = [case for case in cases() if case.kind == "right" and not case.narrow]
+    digest = code_digest([*arguments.option, f"{arguments.limit:g}"])
     tasks, rows = [], dict[tuple[int, str], dict]()
     for seed in range(arguments.first, arguments.first + arguments.seeds):
         known = kept_rows(arguments.work / f"rows-{seed}-{digest}.jsonl")
@@ -58,13 +56,8 @@ def main() -> None:
                 file.write(json.dumps(row) + "\n")
             print(seed, row["name"], row["code"], f"{row['seconds']} s", flush=True)
     options = [f"--option={option}" for option in arguments.option]
-    command = " ".join(
-        [
-            "interval_coverage.py",
-            f"--first {arguments.first} --seeds {arguments.seeds} --limit {arguments.limit:g}",
-            *options,
-        ]
-    )
+    chosen = f"--first {arguments.first} --seeds {arguments.seeds} --limit {arguments.limit:g}"
+    command = " ".join(["interval_coverage.py", chosen, *options])
     text = page(list(rows.values()), command)
     path = ROOT / "reports" / "robustness" / "coverage.md"
     path.write_text(text, encoding="utf-8")

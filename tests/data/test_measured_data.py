@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mofit.data import check_campaign, import_files, read_campaign, write_campaign
+from mofit.data.repeats import repeated
 from mofit.data.signals import analyse, smooth_derivative, steady_samples
 from mofit.errors import InputError
 
@@ -149,3 +150,9 @@ def test_moduli_over_the_frequency_are_no_record(tmp_path):
     (tmp_path / "map.toml").write_text(MASTER_CURVE)
     with pytest.raises(InputError, match=r"variable 'time': "):
         import_files([DATA / "nrel_dma"], tmp_path / "map.toml")
+
+
+def test_different_cells_under_the_same_pulse_are_no_repeats():
+    campaign = imported("battery_pulses", "battery_pulses")
+    assert len(campaign.measurements) == 54
+    assert repeated(campaign.measurements) == []

@@ -33,15 +33,31 @@ def coloured(rng: np.random.Generator, count: int, sd: float) -> np.ndarray:
 
 def test_tests_driven_alike_are_repeats_others_are_not():
     rng, x = np.random.default_rng(0), stroke(1)
-    one = record("a", x, x)
+
+    def force(sd: float = 0.01) -> np.ndarray:
+        return x + coloured(rng, len(x), sd * np.ptp(x))
+
+    one = record("a", x, force())
     noisy = x + 3e-3 * np.std(x) * rng.normal(size=len(x))
     late, larger = np.roll(x, 1), 1.02 * x
     others = [
-        record("b", x, x), record("c", noisy, x), record("d", late, x), record("e", larger, x),
-        record("f", stroke(2), x), record("g", x, x, vertical_force=3e3), record("h", x[:-1], x[:-1]),
+        record("b", x, force()), record("c", noisy, force()), record("d", late, force()), record("e", larger, force()),
+        record("f", stroke(2), force()), record("g", x, force(), vertical_force=3e3),
+        record("h", x[:-1], force()[:-1]),
     ]  # fmt: skip
     assert repeated([one, *others]) == [[0, 1, 2]]
     assert repeated(others[2:]) == []
+
+
+def test_specimens_and_copies_that_are_driven_alike_are_no_repeats():
+    rng, x = np.random.default_rng(0), stroke(1)
+    noise = [coloured(rng, len(x), 0.002 * np.ptp(x)) for _ in range(2)]
+    slow = 0.01 * np.ptp(x) * np.linspace(-1, 1, len(x)) ** 2
+    one = record("a", x, x + noise[0])
+    assert repeated([one, record("b", x, x + noise[1])]) == [[0, 1]]
+    assert repeated([one, record("stiffer", x, 1.03 * x + noise[1])]) == []
+    assert repeated([one, record("drifting", x, x + noise[0] + slow)]) == []
+    assert repeated([one, record("copy", x, x + noise[0])]) == []
 
 
 @pytest.mark.parametrize("count", [2, 3, 8])

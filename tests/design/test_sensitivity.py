@@ -5,6 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 
 from mofit.data import Experiment
+from mofit.data.signals import effective_samples
 from mofit.design.information import information
 from mofit.design.noise_model import ChannelNoise, combined, independent_share, mean_variance
 from mofit.design.planned_tests import planned_data, planned_tests
@@ -12,7 +13,6 @@ from mofit.design.sensitivity import sensitivities
 from mofit.errors import InputError
 from mofit.models import Channel, Equations, Model, build_system, find_model
 from mofit.parameters import Parameter
-from mofit.problem.likelihood import effective_samples
 
 
 class Line(Model):

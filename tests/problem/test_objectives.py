@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mofit.data.signals import effective_samples
 from mofit.problem import GaussianPrior, join_priors
 from mofit.problem.likelihood import (
     Noise,
     TestSums,
     common_gap,
-    effective_samples,
     likelihood_terms,
     negative_log_likelihood,
     nrmsd,

@@ -1,7 +1,7 @@
 """Signal analysis of records: period, transient, noise, derivative."""
 
 from mofit.data.signals.analysis import REPEATED, SignalAnalysis, analyse, find_transient, steady_samples
-from mofit.data.signals.noise_process import NoiseProcess, noise_process
+from mofit.data.signals.noise_process import NoiseProcess, effective_samples, noise_process
 from mofit.data.signals.periodicity import periodic_fit
 from mofit.data.signals.smoothing import smooth_derivative
 
@@ -10,6 +10,7 @@ __all__ = [
     "NoiseProcess",
     "SignalAnalysis",
     "analyse",
+    "effective_samples",
     "find_transient",
     "noise_process",
     "periodic_fit",

@@ -140,6 +140,21 @@ def noise_process(
     return NoiseProcess(level, spectrum, freedom, harmonics, whole[harmonics])
 
 
+def effective_samples(residuals: FloatArray) -> float:
+    r"""Number of independent residuals in a record.
+
+    .. math:: \nu = \min\!\left(n,\; \frac{4\,(\sum_k S_k)^2}{\sum_k S_k^2}\right)
+
+    with the periodogram :math:`S_k` of the n residuals. For white noise the periodogram is exponentially distributed,
+    so that :math:`E\,S^2 = 2 (E\,S)^2` and :math:`\nu \to n`; a residual confined to one line has :math:`\nu = 4`.
+    """
+    power = np.abs(np.fft.rfft(residuals - residuals.mean())[1:]) ** 2
+    total = power.sum()
+    if not total > 0:
+        return float(len(residuals))
+    return float(min(len(residuals), 4 * total**2 / (power**2).sum()))
+
+
 def autoregressive_spectrum(power: FloatArray, known: NDArray[np.bool_], count: int) -> tuple[FloatArray, FloatArray]:
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
