@@ -89,7 +89,8 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
         return None
     significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
     direct = observed.explainable & observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
-    before, after = mean_squares(observed, np.stack([without, with_], axis=1), direct) - _noise(observed, direct).sum()
+    errors = observed.told(np.stack([without, with_], axis=1))
+    before, after = mean_squares(observed, errors, direct) - _noise(observed, direct).sum()
     raw = 1 - after / before if before > 0 else 0.0
     full, remainder = best.fitted.residual[:rows], found.best_residuals.p_value < _P_VALUE
     rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
@@ -143,13 +144,14 @@ def mean_squares(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool
 
 
 def _noise(observed: WhitenedData, kept: NDArray[np.bool_]) -> FloatArray:
-    """Relative mean square of the noise of every row that is kept, (m,)."""
-    return np.asarray(kept * observed.noise_share * observed.variance / observed.ranges[observed.record] ** 2)
+    """Relative mean square of the visible noise of every row that is kept, (m,)."""
+    share = kept * observed.noise_share * observed.visible
+    return np.asarray(share * observed.variance / observed.ranges[observed.record] ** 2)
 
 
 def _beyond_noise(observed: WhitenedData, residual: FloatArray) -> float:
     """Share of the squares of a residual (m,) that is no noise."""
-    square = float(mean_squares(observed, residual[:, None], observed.explainable)[0])
+    square = float(mean_squares(observed, observed.told(residual)[:, None], observed.explainable)[0])
     return max(1 - float(_noise(observed, observed.explainable).sum()) / square, 0.0)
 
 
@@ -181,7 +183,8 @@ def _predicted(baseline: Fitted, added: Sequence[FloatArray], remainder: bool) -
     observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
     model = -baseline.jacobian[:, baseline.free]
     both = np.concatenate([model, *added], axis=1)
-    signals = _signals(observed, np.column_stack([baseline.residual[:rows], both[:rows]]), observed.explainable)
+    told = observed.told(np.column_stack([baseline.residual[:rows], both[:rows]]))
+    signals = _signals(observed, told, observed.explainable)
     gap, uncertain, left = 0.0, 0.0, 0.0
     for t in range(len(observed.problem.tests)):
         fitted_to = np.ones(len(model), dtype=bool)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.errors import InputError
@@ -26,6 +27,8 @@ from mofit.problem import explained
 
 #: Starts of the baseline beside those given; and the most minima of the search among these.
 _STARTS, _MINIMA = 7, 8
+#: Rounds in which the baseline and the noise of records that do not repeat are estimated in turn.
+_NOISE_ROUNDS = 2
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
 _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
@@ -195,7 +198,17 @@ def baseline_in_wide_ranges(
         if found.minimum.value - again.minimum.value <= WORTH:
             break
         found, space = again, farther
+    found = with_own_noise(found, settings.seed)
     return found, tuple(map(str, widenings(first, space)))
+
+
+def with_own_noise(found: Fitted, seed: int) -> Fitted:
+    """The baseline fitted again with the noise that it leaves of records that do not repeat."""
+    for _ in range(_NOISE_ROUNDS if found.hypothesis.observed.predicted_only.any() else 0):
+        simulated = [outputs[0] for outputs, _ in found.hypothesis.outputs(found.minimum.point[None])]
+        observed = with_noise_beside_prediction(found.hypothesis.observed, simulated)
+        found = fit_baseline(observed, found.minimum.point, seed)
+    return found
 
 
 def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:

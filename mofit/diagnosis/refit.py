@@ -201,7 +201,8 @@ def share_left(best: Fitted, baseline: Fitted) -> float:
 
     def gap(fitted: Fitted) -> float:
         observed = fitted.hypothesis.observed
-        squares = (fitted.residual[: len(observed.measured)] ** 2 - observed.noise_share) * observed.variance
+        told = observed.told(fitted.residual[: len(observed.measured)])
+        squares = (told**2 - observed.noise_share * observed.visible) * observed.variance
         return float(squares[observed.explainable].sum())
 
     left, whole = gap(best), gap(baseline)

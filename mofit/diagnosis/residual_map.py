@@ -113,7 +113,7 @@ def residual_map(fitted: Fitted) -> ResidualMap:
     """Locate the residual of a fitted hypothesis."""
     left = Remainder.of(fitted)
     observed, tests = left.observed, left.observed.problem.tests
-    squares = (left.residual**2 - left.expected) * observed.told_variance
+    squares = (left.told**2 - left.expected * observed.visible) * observed.told_variance
     used = map(observed.used_samples, range(len(observed.records)))
     sizes = zip(used, observed.sizes, strict=True)
     peaks = [float(np.max(np.abs(values - values.mean())) / size) for values, size in sizes]
@@ -136,7 +136,7 @@ def residual_map(fitted: Fitted) -> ResidualMap:
                     p_value=left.power_test(name, here).p_value,
                 )
             )
-    kept = np.where(observed.explainable, left.residual, 0.0)
+    kept = np.where(observed.explainable, left.told, 0.0)
     gaps = [w.signal(kept[observed.record == i]) / observed.sizes[i] for i, (_, _, w) in enumerate(observed.records)]
     totals = [float(squares[observed.explainable & (observed.test == t)].sum()) for t in range(len(tests))]
     of_test = [

@@ -22,6 +22,7 @@ LISTED = 0.01
 #: Test names that need other words than "NAME in all tests together".
 _PHRASES = {one.name: one.phrase for one in SPECTRAL_CLASSES} | {
     "harmonic 0": "the constant in all tests together",
+    "past inputs": "a part that past inputs predict",
     "highest rotating line": "a rotational order in one test",
     "highest slow line": "a slow change in one test",
     "highest other line": "a single line in one test",
@@ -104,6 +105,8 @@ def residual_tests(fitted: Fitted) -> Residuals:
     found = [left.power_test(name, observed.of(name)) for name in classes if name not in ("subharmonic", "other")]
     found += [left.power_test(f"order {odd}/2", at) for odd, at in _half_orders(observed)]
     found += _smooth_tests(left)
+    if observed.predicting.any():
+        found.append(_columns_test(left, "past inputs", observed.predicting))
     found += [_highest_line(left, name) for name in ("rotating", "slow", "other") if name in classes]
     found += _common_frequency(left)
     found = sorted((one for one in found if np.isfinite(one.p_value)), key=lambda one: one.p_value)
@@ -120,24 +123,29 @@ class Remainder:
         The tests, and the projector of the fit.
     residual, expected
         Residual beside the parameters, and what noise alone makes of its square; rows of the tests (m,).
+    told
+        What of the residual can be told from noise, (m,).
     """
 
     observed: WhitenedData
     projection: Projection
     residual: FloatArray
     expected: FloatArray
+    told: FloatArray
 
     @classmethod
     def of(cls, fitted: Fitted) -> Remainder:
         """Of a fit."""
         observed, projection = fitted.hypothesis.observed, project(fitted)
         rows = len(observed.measured)
-        return cls(observed, projection, projection.residual[:rows], 1 - projection.leverage[:rows])
+        residual = projection.residual[:rows]
+        return cls(observed, projection, residual, 1 - projection.leverage[:rows], observed.told(residual))
 
     def power_test(self, name: str, where: NDArray[np.bool_]) -> ResidualTest:
         """F test of the power of some rows (m,)."""
-        total, count = float(np.sum(self.residual[where] ** 2)), float(self.expected[where].sum())
-        p = self.p_value(total, count, where * self.expected) if count >= 0.5 else np.nan
+        expected = self.expected * self.observed.visible
+        total, count = float(np.sum(self.told[where] ** 2)), float(expected[where].sum())
+        p = self.p_value(total, count, where * expected) if count >= 0.5 else np.nan
         return ResidualTest(name, total, count, p, self.squares(where, self.expected))
 
     def p_value(self, total: float, count: float, weight: FloatArray) -> float:
@@ -154,7 +162,8 @@ class Remainder:
 
     def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
         """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²; see `sizes`."""
-        power = where * (self.residual**2 - expected) * self.observed.told_variance
+        beyond = self.told**2 - expected * self.observed.visible
+        power = where * beyond * self.observed.told_variance
         return np.asarray(np.bincount(self.observed.test, power, len(self.observed.problem.tests)), dtype=np.float64)
 
 

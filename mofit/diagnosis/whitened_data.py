@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.data.signals import NoiseProcess
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.spectral_classes import CLASS_INDEX, classify, interference_lines, rotational_orders
@@ -17,6 +19,9 @@ from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.problem import Problem
 from mofit.simulation import first_input
+
+#: Relative singular value below which a combination of columns is none.
+_RANK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class WhitenedData:
         Share of every row's variance that is noise, the rest being a discrepancy counted as noise, (m,).
     simulators
         Compiled models.
+    predictors
+        Functions that predict a residual from past inputs, (samples, q) per record; None for one that repeats.
     """
 
     problem: Problem
@@ -51,6 +58,7 @@ class WhitenedData:
     calibrations: tuple[Calibration, ...] = ()
     noise_share: FloatArray | float = 1.0
     simulators: SimulatorCache = field(default_factory=SimulatorCache)
+    predictors: tuple[FloatArray | None, ...] = ()
 
     @property
     def stages(self) -> CalibrationStages:
@@ -77,6 +85,45 @@ class WhitenedData:
     def degrees_of_freedom(self) -> FloatArray:
         """Degrees of freedom of the noise estimate of every row, shape (m,)."""
         return np.concatenate([w.process.degrees_of_freedom[w.line_of_row] for _, _, w in self.records])
+
+    @cached_property
+    def predicted_only(self) -> NDArray[np.bool_]:
+        """Which rows show a gap only where past inputs predict it, shape (m,).
+
+        Those of records that do not repeat, whose noise is known from the residual alone; but for lines of what hums
+        and rotates, which stand out from it.
+        """
+        repeating = np.array([w.periods > 0 for _, _, w in self.records])[self.record]
+        return ~(repeating | self.of("steady", "rotating"))
+
+    @cached_property
+    def predicting(self) -> FloatArray:
+        """The predictors as whitened rows, those of every output in columns of their own, (m, k)."""
+        blocks: dict[int, list[tuple[int, FloatArray]]] = {}
+        for i, columns in enumerate(self.predictors):
+            if columns is not None:
+                blocks.setdefault(self.records[i][1], []).append((i, self.records[i][2].rows(columns)))
+        found = [np.zeros((len(self.measured), 0))]
+        for own in blocks.values():
+            found.append(np.zeros((len(self.measured), own[0][1].shape[1])))
+            for i, rows in own:
+                found[-1][self.record == i] = rows
+        return np.concatenate(found, axis=1) * self.predicted_only[:, None]
+
+    @cached_property
+    def _prediction(self) -> FloatArray:
+        """Orthonormal basis of the predictors' rows, (m, rank)."""
+        return orthonormal(self.predicting)
+
+    @cached_property
+    def visible(self) -> FloatArray:
+        """Share of every row's noise that `told` keeps, (m,)."""
+        return np.where(self.predicted_only, np.sum(self._prediction**2, axis=1), 1.0)
+
+    def told(self, rows: FloatArray) -> FloatArray:
+        """Of rows (m,) or columns of them (m, k), what can be told from noise: all, or what past inputs predict."""
+        alone = self.predicted_only if rows.ndim == 1 else self.predicted_only[:, None]
+        return np.where(alone, self._prediction @ (self._prediction.T @ rows), rows)
 
     @cached_property
     def variance(self) -> FloatArray:
@@ -130,6 +177,15 @@ class WhitenedData:
         return np.concatenate([w.rows(outputs[test][..., output, :]) for test, output, w in self.records], axis=-2)
 
 
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis (rows, rank) of columns (rows, k) of any scale."""
+    size = np.linalg.norm(columns, axis=0)
+    if not np.any(size > 0):
+        return np.zeros((len(columns), 0))
+    vectors, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return np.asarray(vectors[:, values > _RANK * values[0]])
+
+
 def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: bool = False) -> WhitenedData:
     """The same tests with an unknown gap, relative to each output's range, counted as noise.
 
@@ -151,9 +207,15 @@ def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: boo
 
 
 def whiten(
-    problem: Problem, calibrations: Sequence[Calibration] = (), simulators: SimulatorCache | None = None
+    problem: Problem,
+    calibrations: Sequence[Calibration] = (),
+    simulators: SimulatorCache | None = None,
+    known: Mapping[tuple[int, int], NoiseProcess] = MappingProxyType({}),
 ) -> WhitenedData:
-    """Find the noise of every record and the class of every line."""
+    """Find the noise of every record and the class of every line.
+
+    ``known`` is the noise of records that do not repeat, by indices of test and output.
+    """
     driver = first_input(problem.model)
     records, measured, noise, phase, classes = [], [], [], [], []
     for test, (measurement, analysis, experiment) in enumerate(
@@ -163,7 +225,8 @@ def whiten(
         for output in experiment.fitted:
             channel = problem.model.outputs[output]
             values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
-            w = whitening(values, used, experiment.step, analysis, analysis.noise_sd[channel.name])
+            noise_sd, process = analysis.noise_sd[channel.name], known.get((test, output))
+            w = whitening(values, used, experiment.step, analysis, noise_sd, process)
             excitation = measurement.channel(driver)[w.start : w.start + w.count]
             phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
             records.append((test, output, w))

@@ -116,12 +116,17 @@ class Whitening:
 
 
 def whitening(
-    measured: FloatArray, used: NDArray[np.bool_], step: float, analysis: SignalAnalysis, noise_sd: float
+    measured: FloatArray,
+    used: NDArray[np.bool_],
+    step: float,
+    analysis: SignalAnalysis,
+    noise_sd: float,
+    known: NoiseProcess | None = None,
 ) -> Whitening:
     """Of one output of one test, from the data alone, so that all models are compared with the same noise.
 
     A test of at least two periods is cut to whole ones, and its noise is what does not repeat; lines that exceed it do
-    not count. The noise of another test is taken as white, at the level found by smoothing.
+    not count. The noise of another test is taken as white, at the level found by smoothing, until it is known.
 
     Parameters
     ----------
@@ -133,6 +138,8 @@ def whitening(
         Period of the test.
     noise_sd
         Of the output, in its unit, for a test that does not repeat.
+    known
+        Its noise, once there is a fit (`mofit.diagnosis.input_prediction`).
     """
     place = np.flatnonzero(used)
     start, count = int(place[0]), len(place)
@@ -140,8 +147,8 @@ def whitening(
     if analysis.period is None or periods < _FEWEST_PERIODS:
         spectrum = np.full(count // 2 + 1, max(noise_sd, np.finfo(float).tiny ** 0.25) ** 2)
         freedom = np.full(len(spectrum), float(count) / 2)
-        process = NoiseProcess(np.ones(count), spectrum, freedom, np.empty(0, dtype=np.int64), np.empty(0))
-        return Whitening(start, step, 0, float("nan"), process)
+        flat = NoiseProcess(np.ones(count), spectrum, freedom, np.empty(0, dtype=np.int64), np.empty(0))
+        return Whitening(start, step, 0, float("nan"), known or flat)
     # half a sample of tolerance is for records cut to whole periods
     whole = int(periods + 0.5 * step / analysis.period)
     count = min(round(whole * analysis.period / step), count)

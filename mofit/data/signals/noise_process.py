@@ -99,7 +99,13 @@ class NoiseProcess:
 
 
 def noise_process(
-    residual: FloatArray, signal: FloatArray, time: FloatArray, period: float | None, *, without_lines: bool = False
+    residual: FloatArray,
+    signal: FloatArray,
+    time: FloatArray,
+    period: float | None,
+    *,
+    without_lines: bool = False,
+    taken: FloatArray | float = 0.0,
 ) -> NoiseProcess:
     r"""Estimate the process from one record.
 
@@ -116,6 +122,8 @@ def noise_process(
         In s; None, or less than two of them in the record, if it does not repeat.
     without_lines
         Whether other lines than the period's (mains hum, wheel runout) are left out of the spectrum.
+    taken
+        Share of the noise's power that a fit has absorbed, on the bins (n // 2 + 1,) or on all.
     """
     count = len(residual)
     step = float((time[-1] - time[0]) / (count - 1))
@@ -127,7 +135,7 @@ def noise_process(
         harmonics = _bins(periods, SETTINGS.harmonics)
         harmonics = harmonics[harmonics < count // 2]
     level = _level(noise, signal)
-    power = np.abs(np.fft.rfft(noise / level)) ** 2 / count
+    power = np.abs(np.fft.rfft(noise / level)) ** 2 / count / (1 - taken)
     known = np.ones(len(power), dtype=bool)
     known[0] = False
     if len(harmonics):

@@ -1,0 +1,152 @@
+r"""Records that do not repeat: what past inputs predict of the residual is a gap, what is left beside that is noise.
+
+An output-error model may leave a coloured residual and be right; wrong is one whose residual depends on the input. So
+the residual is regressed on functions of past inputs and of the model's own response to them,
+
+.. math:: e(t) = \sum_j c_j\, \varphi_j(u(s), \hat y(s); s \le t) + n(t),
+
+by generalised least squares, in turn with the spectrum of the noise n.
+
+References
+----------
+Ljung, "System Identification" (1999), ch. 16: independence of residuals and past inputs.
+Ljung, "Model validation and model error modelling" (1999).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mofit._typing import FloatArray
+from mofit.data.signals import noise_process
+from mofit.diagnosis.whitened_data import WhitenedData, whiten
+from mofit.diagnosis.whitening import Whitening
+
+#: Powers of a signal at every lag, and the number of lags.
+_POWERS, _LAGS = (1, 2, 3), 10
+#: Longest lag as a share of the shortest record: nine tenths of its samples have their past.
+_LONGEST = 0.1
+#: Rounds in which prediction and noise are estimated in turn.
+_ROUNDS = 3
+#: Relative singular value below which a combination of functions is none.
+_RANK = 1e-6
+#: Most of a line's power that the regression is taken to have absorbed.
+_MOST_TAKEN = 0.9
+
+
+def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[FloatArray]) -> WhitenedData:
+    """The tests with the noise of all records that do not repeat, and the functions that predict their residual.
+
+    Parameters
+    ----------
+    observed
+        The tests.
+    simulated
+        Outputs of the fitted model per test, (samples, outputs).
+    """
+    processes, functions = {}, {}
+    for output in sorted({output for _, output, w in observed.records if not w.periods}):
+        own = [(test, w) for test, of, w in observed.records if of == output and not w.periods]
+        columns = [
+            _centred(one, w) for one, (_, w) in zip(_functions(observed, own, output, simulated), own, strict=True)
+        ]
+        found = _noise(observed, own, output, simulated, columns)
+        for (test, _), w, one in zip(own, found, columns, strict=True):
+            processes[test, output], functions[test, output] = w.process, one
+    again = whiten(observed.problem, observed.calibrations, observed.simulators, processes)
+    return replace(again, predictors=tuple(functions.get((test, output)) for test, output, _ in again.records))
+
+
+def _noise(
+    observed: WhitenedData,
+    own: Sequence[tuple[int, Whitening]],
+    output: int,
+    simulated: Sequence[FloatArray],
+    columns: Sequence[FloatArray],
+) -> list[Whitening]:
+    """Whitening of every record, by the spectrum of what the functions (samples, q) of each leave of its residual."""
+    experiments = observed.problem.experiments
+    signals = [simulated[test][:, output] for test, _ in own]
+    residuals = [
+        _centred((experiments[test].measured[:, output] - signal)[:, None], w)
+        for (test, w), signal in zip(own, signals, strict=True)
+    ]
+    records = [_with_noise(w, one, signal) for (_, w), one, signal in zip(own, residuals, signals, strict=True)]
+    for _ in range(_ROUNDS):
+        rows = [w.rows(one) for w, one in zip(records, columns, strict=True)]
+        white = np.concatenate([w.rows(one)[:, 0] for w, one in zip(records, residuals, strict=True)])
+        coefficients, leverage = _regressed(np.concatenate(rows), white)
+        taken = np.split(leverage, np.cumsum([len(one) for one in rows])[:-1])
+        records = [
+            _with_noise(w, residual - one @ coefficients[:, None], signal, share)
+            for w, residual, one, signal, share in zip(records, residuals, columns, signals, taken, strict=True)
+        ]
+    return records
+
+
+def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: FloatArray | None = None) -> Whitening:
+    """The whitening with the noise of a signal (samples, 1), of whose rows a share (rows,) was absorbed by a fit."""
+    used = slice(w.start, w.start + w.count)
+    share = np.zeros(len(w.frequencies))
+    if taken is not None:
+        parts = np.bincount(w.line_of_row, minlength=len(share))
+        share = np.clip(np.bincount(w.line_of_row, taken, len(share)) / np.maximum(parts, 1), 0.0, _MOST_TAKEN)
+    time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
+    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share)
+    return replace(w, process=process)
+
+
+def _regressed(rows: FloatArray, white: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (q,) of columns (rows, q), and the leverage of every row."""
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    vectors, values, turned = np.linalg.svd(rows / size, full_matrices=False)
+    kept = values > _RANK * values[0]
+    coefficients = turned[kept].T @ ((vectors[:, kept].T @ white) / values[kept]) / size
+    return coefficients, np.asarray(np.sum(vectors[:, kept] ** 2, axis=1))
+
+
+def _centred(columns: FloatArray, w: Whitening) -> FloatArray:
+    """Signals (samples, k) without their means over the samples used: of a constant no input is the cause."""
+    return np.asarray(columns - columns[w.start : w.start + w.count].mean(axis=0))
+
+
+def _functions(
+    observed: WhitenedData, own: Sequence[tuple[int, Whitening]], output: int, simulated: Sequence[FloatArray]
+) -> Iterator[FloatArray]:
+    """Functions of past inputs and of the model's response to them, (samples, q) per record, on the same scales."""
+    problem = observed.problem
+    experiments = [problem.measurements[test].experiment for test, _ in own]
+    measured = [one.name for one in problem.model.inputs if all(one.name in each.inputs for each in experiments)]
+    groups = [[each.inputs[name] for each in experiments] for name in measured]
+    groups.append([simulated[test][:, output] for test, _ in own])
+    longest = _LONGEST * min(w.count * w.step for _, w in own)
+    lags = np.concatenate([[0.0], np.geomspace(min(w.step for _, w in own), longest, _LAGS - 1)])
+    scaled = [standard for group in groups if (standard := _standardised(group, own)) is not None]
+    for place, (_, w) in enumerate(own):
+        order = 2 * place / max(len(own) - 1, 1) - 1
+        yield np.concatenate([_of_signal(signals[place], w, lags, order) for signals in scaled], axis=1)
+
+
+def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whitening]]) -> list[FloatArray] | None:
+    """A signal of all records, of mean 0 and variance 1; None if it is constant."""
+    used = np.concatenate([one[w.start : w.start + w.count] for one, (_, w) in zip(signals, own, strict=True)])
+    sd = float(used.std())
+    return [(one - used.mean()) / sd for one in signals] if sd > 1e-12 * np.abs(used).max() else None
+
+
+def _of_signal(signal: FloatArray, w: Whitening, lags: FloatArray, order: float) -> FloatArray:
+    """Powers at every lag, functions of the rate, and gains that change over the record and from one to the next."""
+    number = np.arange(len(signal))
+    past: NDArray[np.intp] = np.maximum(number[:, None] - np.round(lags / w.step).astype(np.intp), 0)
+    rate = np.gradient(signal)
+    rate /= max(float(rate.std()), np.finfo(float).tiny)
+    time = np.clip(2 * (number - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0)
+    columns = [signal[past] ** power for power in _POWERS]
+    columns.append(np.stack([rate, np.abs(rate), rate * np.abs(rate), np.sign(rate)], axis=1))
+    columns.append(np.stack([signal * time, signal * time**2, signal * order], axis=1))
+    return np.concatenate(columns, axis=1)
