@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -217,22 +218,19 @@ def _result(state: _State, settings: RefineSettings) -> Refined:
     while np.any(ends[ends] != ends):  # representatives may have merged with others later
         ends = ends[ends]
 
-    def status(row: int) -> Status:
-        if np.isnan(state.values[row]):
-            return "failed"
-        if ends[row] != row:
-            return "merged"
-        if state.active[row]:
-            return "limit"
-        return "stalled" if state.damping[row] > settings.most_damping else "converged"
-
+    rules = {
+        "failed": np.isnan(state.values),
+        "merged": ends != np.arange(len(ends)),
+        "limit": state.active,
+        "stalled": state.damping > settings.most_damping,
+    }
     return Refined(
         points=state.points[ends],
         values=state.values[ends],
         gradients=state.gradients[ends],
         hessians=state.hessians[ends],
         converged=state.converged[ends],
-        status=tuple(status(row) for row in range(len(state.points))),
+        status=cast("tuple[Status, ...]", tuple(np.select(list(rules.values()), list(rules), "converged").tolist())),
         at_bound=pressed(state.points, state.gradients)[ends],
         evaluations=state.evaluations,
     )

@@ -147,18 +147,20 @@ class Scheduler:
 
     def _blocks(self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool) -> list[tuple[int, _Block]]:
         """The batch in blocks that share a test (its index), the fixed parameters and the step level."""
-        if p.ndim == 3:
-            return [(t, block) for t, choice in enumerate(choices) for block in self._cut(p[:, t], choice, derivatives)]
-        blocks: dict[int, list[_Block]] = {}  # the same choice for several tests is the same blocks
-        for choice in choices:
-            if id(choice) not in blocks:
-                blocks[id(choice)] = self._cut(p, choice, derivatives)
-        return [(test, block) for test, choice in enumerate(choices) for block in blocks[id(choice)]]
+        alike: dict[int, list[int]] = {}  # the same choice for several tests is the same blocks
+        for test, choice in enumerate(choices):
+            alike.setdefault(id(choice) if p.ndim == 2 or self._fixed_per_lane else test, []).append(test)
+        blocks: dict[int, list[_Block]] = {}
+        for tests in alike.values():
+            sets = p[:, tests] if p.ndim == 3 else p[:, None]
+            found = self._cut(sets, choices[tests[0]], derivatives)
+            blocks |= dict(zip(tests, found * (len(tests) // len(found)), strict=True))
+        return [(test, block) for test in range(len(choices)) for block in blocks[test]]
 
-    def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[_Block]:
-        """The blocks of one test."""
-        ordered = np.ascontiguousarray(p[:, self._order])
-        fixed = ordered[:, len(self.free) :]
+    def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[list[_Block]]:
+        """The blocks of each of several tests, from their parameter sets (N, tests, np)."""
+        ordered = p[..., self._order]
+        fixed = ordered[:, 0, len(self.free) :]
         group, per_lane = np.zeros(len(p), dtype=int), self._fixed_per_lane
         if not per_lane and fixed.size and np.any(fixed != fixed[0]):
             sets, group = np.unique(fixed, axis=0, return_inverse=True)
@@ -166,20 +168,18 @@ class Scheduler:
             group = np.zeros_like(group) if per_lane else group.ravel()
         small, large = _lane_counts(self._shape(derivatives))
         small = large if self._one_loop else small
-
-        def cut(rows: NDArray[np.intp], level: StepLevel) -> Iterator[_Block]:
-            while len(rows):
-                lanes = large if len(rows) > large // 2 else small
-                taken, rows = rows[:lanes], rows[lanes:]
-                padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
-                yield _Block(taken, level, lanes, np.ascontiguousarray(ordered[padded].T), per_lane)
-
-        return [
-            block
-            for number in np.unique(choice.taken[choice.taken >= 0])
-            for which in np.unique(group[choice.taken == number])
-            for block in cut(np.flatnonzero((choice.taken == number) & (group == which)), choice.levels[number])
-        ]
+        found: list[list[_Block]] = [[] for _ in range(p.shape[1])]
+        for number in np.unique(choice.taken[choice.taken >= 0]):
+            for which in np.unique(group[choice.taken == number]):
+                rows = np.flatnonzero((choice.taken == number) & (group == which))
+                while len(rows):
+                    lanes = large if len(rows) > large // 2 else small
+                    taken, rows = rows[:lanes], rows[lanes:]
+                    padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
+                    values = np.ascontiguousarray(ordered[padded].transpose(1, 2, 0))
+                    for own, parameters in zip(found, values, strict=True):
+                        own.append(_Block(taken, choice.levels[number], lanes, parameters, per_lane))
+        return found
 
     def _kernel(self, key: KernelKey, level: StepLevel) -> Kernel:
         if key not in self._kernels:

@@ -62,7 +62,7 @@ class ScopedSearch:
     def minimise(self, settings: RefineSettings) -> None:
         """Descend from the best of the starts."""
         rows = np.arange(self.value.size)
-        for start in self.starts:
+        for start in self.starts if len(self.starts) > 1 else ():
             self.evaluate(np.tile(start, (len(self.value), 1, 1)).reshape(-1, start.shape[-1]), rows)
         minimise_each(self.evaluate, self.unit.reshape(-1, self.unit.shape[-1]).copy(), settings)
 

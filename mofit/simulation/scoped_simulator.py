@@ -252,10 +252,12 @@ class ScopedSimulator(Simulator):
 
         def sums(rows: NDArray[np.int64], values: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
             whole = self._with_scoped(p[rows], values)
-            choices = [
-                replace(choice, taken=np.where(wanted[:, test], choice.taken, -1))
-                for test, choice in enumerate(self._choices(whole))
-            ]
+            choices = self._choices(whole)
+            if not wanted.all():
+                choices = [
+                    replace(choice, taken=np.where(wanted[:, test], choice.taken, -1))
+                    for test, choice in enumerate(choices)
+                ]
             return self._of_objectives(self._inner.reduced(self.experiments, whole, choices, True))
 
         search = ScopedSearch(self.scopes, self.experiments, sums, self._weights_of(len(self.objective_tests)), len(p))
