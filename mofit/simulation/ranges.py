@@ -11,20 +11,25 @@ import numpy as np
 from mofit.data import Campaign, Measurement
 from mofit.data.signals import smooth_derivative
 from mofit.models import Effect, Model
-from mofit.models.model import SAMPLE_INTERVAL
+from mofit.models.model import SAMPLE_INTERVAL, TIME
 from mofit.parameters import Parameter
 
 Ranged = TypeVar("Ranged", Model, Effect)
 
+#: scale of times for which ranges are written, s: that of ten seconds at 100 Hz
+_TYPICAL_TIME = 0.1**0.5
+
 
 def data_scales(model: Model, campaign: Campaign) -> dict[str, float]:
-    """Range of each of the model's typical channels in the campaign, relative to the typical one.
+    r"""Range of each of the model's typical channels in the campaign, and of time, relative to the typical one.
 
-    Ranges are peak to peak, the geometric mean over the tests; a channel that never moves is left out.
+    Ranges are peak to peak, the geometric mean over the tests; a channel that never moves is left out. What a test can
+    show lasts from its sampling interval :math:`\Delta t` to its length T: its scale of time is
+    :math:`\sqrt{\Delta t \, T}`, the middle on a log scale.
     """
     derived = {channel.name: channel.derivative_of for channel in model.inputs}
     found = {}
-    for name, typical in model.typical.items():
+    for name, typical in {TIME.name: _TYPICAL_TIME, **model.typical}.items():
         ranges = [_range(measurement, name, derived.get(name)) for measurement in campaign.measurements]
         usable = [value for value in ranges if np.isfinite(value) and value > 0]
         if usable:
@@ -54,8 +59,10 @@ def with_parameters(item: Ranged, parameters: tuple[Parameter, ...]) -> Ranged:
 
 
 def _range(measurement: Measurement, name: str, derivative_of: str | None) -> float:
-    """Peak-to-peak range of a channel, nan where the test has none; of a derivative, by smoothing."""
+    """Peak-to-peak range of a channel, nan where the test has none; of a derivative, by smoothing; scale of time."""
     experiment = measurement.experiment
+    if name == TIME.name:
+        return float(np.sqrt(experiment.step * experiment.length))
     if name == SAMPLE_INTERVAL.name:
         return experiment.step
     known = {*experiment.inputs, *measurement.outputs}
