@@ -23,7 +23,7 @@ _TYPICAL_TIME = 0.1**0.5
 
 
 def data_scales(model: Model, campaign: Campaign) -> dict[str, float]:
-    r"""Range of each of the model's typical channels in the campaign, and of time, relative to the typical one.
+    r"""Range of the model's typical channels and conditions in the campaign, and of time, relative to the typical one.
 
     Ranges are peak to peak, the geometric mean over the tests; a channel that never moves is left out. What a test can
     show lasts from its sampling interval :math:`\Delta t` to its length T: its scale of time is
@@ -86,20 +86,24 @@ def _state_scales(model: Model, scales: Mapping[str, float]) -> dict[str, float]
 
 
 def _mean_range(model: Model, campaign: Campaign, name: str) -> float | None:
-    """Geometric mean of a channel's range over the tests that have it; None where it moves in none."""
+    """Geometric mean of `_range` over the tests; None where there is none above 0."""
     derived = {channel.name: channel.derivative_of for channel in model.inputs}
     ranges = [_range(measurement, name, derived.get(name)) for measurement in campaign.measurements]
     usable = [value for value in ranges if np.isfinite(value) and value > 0]
+    if len(set(usable)) == 1:  # exactly
+        return usable[0]
     return float(np.exp(np.mean(np.log(usable)))) if usable else None
 
 
 def _range(measurement: Measurement, name: str, derivative_of: str | None) -> float:
-    """Peak-to-peak range of a channel, nan where the test has none; of a derivative, by smoothing; scale of time."""
+    """Peak-to-peak range of a channel, of a derivative by smoothing; size of a condition; nan where a test has none."""
     experiment = measurement.experiment
     if name == TIME.name:
         return float(np.sqrt(experiment.step * experiment.length))
     if name == SAMPLE_INTERVAL.name:
         return experiment.step
+    if name in experiment.conditions:
+        return abs(experiment.conditions[name])
     known = {*experiment.inputs, *measurement.outputs}
     if name in known:
         values = measurement.channel(name)

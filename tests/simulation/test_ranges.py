@@ -1,11 +1,14 @@
 """Ranges from the data: another unit of force, length or time changes nothing but the numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mofit.data import Campaign, Experiment, Measurement
+from mofit.data import Campaign, Experiment, Measurement, read_campaign
+from mofit.data.campaign_file import bundled_campaign
 from mofit.models import effect_names, find_effect, find_model, incompatibility, model_names, with_effects
 from mofit.problem import build_problem
 from mofit.simulation.ranges import data_scales, scaled
@@ -71,6 +74,14 @@ def test_a_channel_that_never_moves_gives_no_scale():
     assert scaled(model, data_scales(model, still)).parameters[0] == model.parameters[0]
 
 
-def test_a_tyre_keeps_its_ranges():
-    tyre = find_model("maxwell_tyre")
-    assert scaled(tyre, {"force": 10.0}) is tyre
+def test_ranges_of_a_tyre_grow_with_its_load():
+    """A lorry's tyre; the bundled one keeps its ranges to the last digit."""
+    tyre, bundled = find_model("maxwell_tyre"), read_campaign(bundled_campaign())
+    assert scaled(tyre, data_scales(tyre, bundled)) is tyre
+    heavy = tuple(
+        replace(m, experiment=replace(m.experiment, conditions={**m.experiment.conditions, "vertical_force": 36e3}))
+        for m in bundled.measurements
+    )
+    lorry = replace(bundled, measurements=heavy)
+    for before, after in zip(tyre.parameters, scaled(tyre, data_scales(tyre, lorry)).parameters, strict=True):
+        assert after == (before if before.name in ("s_M", "p_y") else before.times(10.0))
