@@ -112,6 +112,17 @@ def parse_quantity(where: str, value: Quantity, unit: str | None) -> tuple[float
         raise InputError.of(where, f"'{value}': {error}", "Write a number and its unit, like '25 mm'") from error
 
 
+def power_of_time(unit: str, other: str) -> int | None:
+    """Exponent k, of -2 to 2, with which ``unit`` is ``other`` times s^k in dimension; None where there is none."""
+    if unit == other:
+        return 0
+    try:
+        ratio = _root(normal(unit)) / _root(normal(other))
+    except UnitError:
+        return None
+    return next((k for k in (0, -1, 1, -2, 2) if ratio == _root("s") ** k), None)
+
+
 @cache
 def _registry() -> pint.UnitRegistry:
     # imported here because pint takes longer to import than a campaign to read
@@ -131,6 +142,6 @@ def _parse(unit: str) -> pint.Unit:
 
 
 @cache
-def _root(unit: str) -> object:
+def _root(unit: str) -> pint.Unit:
     # root units keep the radian that dimensions lose
-    return _registry().get_root_units(_parse(unit), check_nonmult=False)[1]
+    return _registry().Unit(_registry().get_root_units(_parse(unit), check_nonmult=False)[1])

@@ -61,7 +61,12 @@ class Experiment:
     @property
     def step(self) -> float:
         """Sampling interval in s."""
-        return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
+        return self.length / (len(self.time) - 1)
+
+    @property
+    def length(self) -> float:
+        """Time from the first to the last sample in s."""
+        return float(self.time[-1] - self.time[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ def planned_source(name: str, plan: Plan, model: Model, named: Sequence[str] = (
     """
     setup = set_up(plan, f"plan '{name}'")
     noise = {channel: ChannelNoise(**settings) for channel, settings in setup.noise.items()}
-    if model.typical:
+    if any(parameter.scales for parameter in model.parameters):
         model = scaled(model, data_scales(model, run_plan(plan)))
     space = ParameterSpace(model.parameters)
     values = np.array([setup.values.get(parameter.name, parameter.nominal) for parameter in space.parameters])

@@ -11,7 +11,7 @@ from mofit.errors import InputError, Issue, raise_errors
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.settings import Settings, free_space
 from mofit.models import Model, find_model
-from mofit.parameters import Parameter, ParameterSpace
+from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
 from mofit.problem.pooling import hyperparameters
 from mofit.simulation import measured_outputs
@@ -45,8 +45,14 @@ class ProblemSetup:
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
         means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
         fixed = {**known, **self.settings.fixed, **means}
-        space = ParameterSpace((*self.space.subset(free).parameters, *_wide(self.scoped, self.settings)))
+        space = ParameterSpace((*self.space.subset(free).parameters, *self.fitted.parameters))
         return build_problem(self.model, self.campaign, space=space, fixed=fixed, jobs=self.settings.jobs)
+
+    @property
+    def fitted(self) -> ParameterSpace:
+        """Scoped parameters, in wide ranges, which cost nothing as they are not searched; bounds asked for stay."""
+        bounds = self.settings.bounds
+        return ParameterSpace(tuple(one if one.name in bounds else one.wider() for one in self.scoped.parameters))
 
     @cached_property
     def posterior(self) -> CampaignPosterior:
@@ -97,11 +103,6 @@ def set_up_problem(
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
     warnings = [*warnings, *_unmeasured(model, selected)]
     return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings))
-
-
-def _wide(own: ParameterSpace, settings: Settings) -> tuple[Parameter, ...]:
-    """Scoped parameters are not searched, so that a wide range costs nothing; bounds asked for stay."""
-    return tuple(one if one.name in settings.bounds else one.wider() for one in own.parameters)
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:

@@ -23,7 +23,7 @@ from mofit.identification.settings import Settings
 from mofit.identification.settled_noise import with_settled_noise
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
-from mofit.identification.widening import widenings, wider_setup
+from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
 from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
 from mofit.optimize import Progress as SearchProgress
@@ -73,16 +73,18 @@ def locate_minima(
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
-    located = _located(setup, timer, progress)
-    with timer.measure("refine"):
-        wider = wider_setup(setup, located.posterior, located.minima[0], campaign, tests)
-    if wider is None:
-        return located
-    notes = tuple(map(str, widenings(setup.space, wider.space)))
-    for note in notes:
-        progress("search", 0, 0, note)
-    located = _located(wider, timer, progress)
-    return replace(located, warnings=(*located.warnings, *notes))
+    located, notes = _located(setup, timer, progress), list[str]()
+    for widen in (wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
+        with timer.measure("refine"):
+            wider = widen(setup, located.posterior, located.minima[0])
+        if wider is None:
+            continue
+        new = [*widenings(setup.fitted, wider.fitted), *widenings(setup.space, wider.space)]
+        for note in new:
+            progress("search", 0, 0, str(note))
+        setup, notes = wider, [*notes, *map(str, new)]
+        located = _located(setup, timer, progress)
+    return replace(located, warnings=(*located.warnings, *notes)) if notes else located
 
 
 def _located(setup: ProblemSetup, timer: StageTimer, progress: Progress) -> Located:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.optimize import Minimum, merge, refine
 from mofit.parameters import ParameterSpace
 from mofit.problem import CampaignPosterior
+from mofit.problem.scoped_estimates import scoped_at_bound
 
 #: Nats that the fit must gain beyond an end for the range to be widened: two standard deviations. Less is what a flat
 #: direction gives, and a lower or upper limit is all that the data know.
@@ -70,6 +71,7 @@ def wider_setup(
         if space == (best or setup).space:
             break
         wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
+        wider = replace(wider, scoped=setup.scoped)
         target = wider.posterior.with_noise(noise)
         starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])
@@ -78,6 +80,30 @@ def wider_setup(
             break
         best, values, sides = wider, space.from_unit(found.point[:shared]), found.at_bound[:shared]
     return best
+
+
+def wider_scoped(setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimum) -> ProblemSetup | None:
+    """The problem in ranges of the scoped parameters wide enough for their values at its minimum; None where they are.
+
+    Scoped values are fitted, not searched: those at an end are fitted again in a range tenfold as wide. Pooled ones
+    keep their ranges, in which their mean and spread are searched.
+    """
+    now, target, moved = setup, posterior, set[str]()
+    for _ in range(MOST):  # far from the values a single step gains next to nothing
+        held = scoped_at_bound(target.main, minimum.point)
+        wider = _with_wider(now, held)
+        if wider.fitted == now.fitted:
+            break
+        now, target, moved = wider, wider.posterior.with_noise(posterior.main.noise), moved | {*held}
+    (before, *_), (after, *_) = (one.evaluate(minimum.point[None])[0] for one in (posterior, target))
+    # once more, since at another minimum the values may lie a little farther
+    return _with_wider(now, moved) if before - after > WORTH else None
+
+
+def _with_wider(setup: ProblemSetup, names: Collection[str]) -> ProblemSetup:
+    """The problem with wider ranges of the scoped parameters of these names that are not pooled."""
+    widened = [one.wider() if one.name in names and not one.pooled else one for one in setup.scoped.parameters]
+    return replace(setup, scoped=ParameterSpace(tuple(widened)))
 
 
 def _with_hyperparameters(starts: FloatArray, point: FloatArray) -> FloatArray:

@@ -36,8 +36,8 @@ class Effect(ABC):
         The effect's own. The unit `TARGET_UNIT` means that of the target; ``"unit of NAME"`` that of a channel.
     inputs, conditions
         What it reads of a test beside the model's. Every test has the input ``time`` (s, since its first sample) and
-        the condition ``sample_interval`` (s); with ``start_time`` (s, since the campaign began) where the file states
-        it.
+        the conditions ``sample_interval`` and ``record_length`` (s); with ``start_time`` (s, since the campaign began)
+        where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
     """

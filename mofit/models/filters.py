@@ -21,9 +21,8 @@ import casadi as ca
 from mofit.models.model import Applied, Channel, Symbols
 
 ORDER = 4
-
-# below a millisecond a washout is stiff, and a long delay would amplify kinks in a densely sampled signal
-_SHORTEST = 1e-3
+#: a long delay that a short washout makes would amplify kinks: times that a washout goes into a delay at most
+_LONGEST = 6.0
 
 
 def washout_states(effect: str, unit: str) -> tuple[Channel, ...]:
@@ -32,8 +31,13 @@ def washout_states(effect: str, unit: str) -> tuple[Channel, ...]:
 
 
 def washout_time(s: Symbols, share: float = 0.25) -> ca.SX:
-    """Time constant of a washout [s]: a share of the sampling interval, at least 1 ms."""
-    return ca.fmax(share * s.sample_interval, _SHORTEST)
+    """Time constant of a washout [s]: a share of the sampling interval."""
+    return share * s.sample_interval
+
+
+def delay_time(s: Symbols, delay: ca.SX) -> ca.SX:
+    """Time constant of a washout [s] for a delay [s] of either sign, smooth where it is 0."""
+    return ca.sqrt(washout_time(s) ** 2 + (delay / _LONGEST) ** 2)
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ class Condition:
 #: what every test has by its time axis
 TIME = Channel("time", "s", "time since the first sample")
 SAMPLE_INTERVAL = Condition("sample_interval", "s", 0.01, "sampling interval")
+RECORD_LENGTH = Condition("record_length", "s", 10.0, "time from the first to the last sample")
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,8 @@ class Model(ABC):
     #: whether a campaign with its channels takes this model where none is named
     default: bool = False
     #: peak-to-peak range of channels, and the sampling interval (``sample_interval``), for which the parameters'
-    #: ranges are written; they are scaled to those of a campaign as `Parameter.scales` says
+    #: ranges are written; they are scaled to those of a campaign as `Parameter.scales` says. The scale of ``time``
+    #: (`mofit.simulation.ranges.data_scales`) every model has
     typical: Mapping[str, float] = MappingProxyType({})
 
     @abstractmethod

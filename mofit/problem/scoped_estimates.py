@@ -28,6 +28,17 @@ class ScopedEstimates:
     """What each value belongs to: a test or a condition with its value, (T, L)."""
 
 
+def scoped_at_bound(problem: Problem, point: FloatArray) -> tuple[str, ...]:
+    """Names of the scoped parameters that lie at an end of their range in any test, at a point (d,)."""
+    simulator = problem.simulator
+    if not isinstance(simulator, ScopedSimulator):
+        return ()
+    best = simulator.best(problem.layout.full(point[None]))
+    unit = best.unknowns.by_test(best.unit)[0]
+    held = ((unit <= 0) | (unit >= 1)).any(axis=0)
+    return tuple(name for name, one in zip(simulator.scopes.space.names, held, strict=True) if one)
+
+
 def scoped_estimates(problem: Problem, point: FloatArray, covariance: FloatArray) -> ScopedEstimates | None:
     """Scoped values at a point (d,) with posterior covariance (d, d), both in unit coordinates; None without any."""
     simulator = problem.simulator

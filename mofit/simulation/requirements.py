@@ -5,10 +5,10 @@ from __future__ import annotations
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.models import Model
-from mofit.models.model import SAMPLE_INTERVAL, TIME
+from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME
 
 #: conditions that follow from a test's time axis, see `all_conditions`
-TIME_CONDITIONS = (SAMPLE_INTERVAL.name, "start_time")
+TIME_CONDITIONS = (SAMPLE_INTERVAL.name, RECORD_LENGTH.name, "start_time")
 
 
 def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
@@ -74,6 +74,7 @@ def lacking(model: Model, campaign: Campaign, *, outputs_too: bool = True) -> li
 
 
 def all_conditions(experiment: Experiment) -> dict[str, float]:
-    """Conditions of a test, with its sampling interval and its start since the campaign began, both in s."""
+    """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s."""
     start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
-    return {SAMPLE_INTERVAL.name: experiment.step, **start, **experiment.conditions}
+    axis = {SAMPLE_INTERVAL.name: experiment.step, RECORD_LENGTH.name: experiment.length}
+    return {**axis, **start, **experiment.conditions}

@@ -179,7 +179,9 @@ class StepProbe:
             change = np.stack([_change(a, b) for a, b in zip(coarse, fine, strict=True)], axis=1)
             enough = active & (change <= allowed)
             order = _order(steps, change, last)
-            result[enough] = self._interpolated(steps, order, change / allowed)[enough]
+            with np.errstate(over="ignore"):  # steps that diverge
+                relative = change / allowed
+            result[enough] = self._interpolated(steps, order, relative)[enough]
             stable = False if rate is None else rate[:, None] * lengths / steps < 1
             kinked[active] = ((order < self.settings.orders[0]) | stable & (order > self.settings.orders[1]))[active]
             active = active & ~enough

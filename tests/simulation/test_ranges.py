@@ -1,16 +1,20 @@
 """Ranges from the data: another unit of force, length or time changes nothing but the numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mofit.data import Campaign, Experiment, Measurement
+from mofit.data import Campaign, Experiment, Measurement, read_campaign
+from mofit.data.campaign_file import bundled_campaign
 from mofit.models import effect_names, find_effect, find_model, incompatibility, model_names, with_effects
 from mofit.problem import build_problem
 from mofit.simulation.ranges import data_scales, scaled
 
-GENERAL = [name for name in model_names() if find_model(name).typical]
+GENERAL = [name for name in model_names() if "force" in find_model(name).typical]
+EFFECTS = [n for n in effect_names() if incompatibility(find_effect(n), find_model(GENERAL[0])) is None]
 TIME = np.arange(0, 2, 0.01)
 DRIVE = np.sin(2 * np.pi * 1.5 * TIME) + 0.3 * np.sin(2 * np.pi * 4.0 * TIME)
 
@@ -22,7 +26,7 @@ def campaign(model, sizes, second=1.0):
     time = TIME * second
     values = {source.name: sizes[source.name] * DRIVE}
     measured = {output.name: sizes[output.name] * np.roll(DRIVE, 5)}
-    experiment = Experiment("multisine", "multisine", time, values)
+    experiment = Experiment("multisine", "multisine", time, values, start_time=100.0 * second)
     units = {source.name: source.unit, output.name: output.unit}
     return Campaign("units", "simulated", {}, (Measurement(experiment, measured, units),))
 
@@ -33,13 +37,17 @@ def responses(model, sizes, second, u):
     return problem.simulate(u)[0][..., 0]
 
 
-@pytest.mark.parametrize("name", GENERAL)
+@pytest.mark.parametrize("name", [*GENERAL, *(f"kelvin_voigt_damper+{effect}" for effect in EFFECTS)])
 @settings(max_examples=5, deadline=None)
 @given(force=st.sampled_from([1e-3, 1.0, 1e3]), length=st.sampled_from([1e-3, 1e3]), second=st.sampled_from([1e-3, 60]))
 def test_a_point_of_the_ranges_means_the_same_in_any_unit(name, force, length, second):
     """Ranges that grow with the data as the equations demand: every parameter in the power that its unit has."""
-    model = find_model(name)
+    base, *effects = name.split("+")
+    model = with_effects(find_model(base), *map(find_effect, effects))
     u = np.random.default_rng(0).uniform(0.3, 0.7, (3, len(model.parameters)))
+    for parameter, column in zip(model.parameters, u.T, strict=True):
+        if parameter.name == "a_f":  # the unit of a springpot's coefficient holds its exponent
+            column[:] = (parameter.nominal - parameter.lower) / (parameter.upper - parameter.lower)
     own = {"force": 2.0, "displacement": 0.02}
     other = {"force": 2.0 * force, "displacement": 0.02 * length}
     factor = force if model.outputs[0].name == "force" else length
@@ -47,16 +55,14 @@ def test_a_point_of_the_ranges_means_the_same_in_any_unit(name, force, length, s
     assert there / factor == pytest.approx(here, rel=1e-3, abs=1e-3 * np.ptp(here))
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in effect_names() if incompatibility(find_effect(n), find_model(GENERAL[0])) is None]
-)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_effects_on_dampers_grow_with_the_data_too(name):
     model, effect = find_model("kelvin_voigt_damper"), find_effect(name)
     data = campaign(model, {"force": 2e6, "displacement": 2e-4}, 1e-3)
     own = scaled(effect, data_scales(model, data))
     dimensionless = [p.name for p in with_effects(model, effect).parameters if p.unit == "1"]
     for before, after in zip(effect.parameters, own.parameters, strict=True):
-        if before.name not in dimensionless and before.unit != "1/s":
+        if before.name not in dimensionless:
             assert after.upper != before.upper, before.name
         assert (before.neutral is None) == (after.neutral is None)
 
@@ -64,10 +70,18 @@ def test_effects_on_dampers_grow_with_the_data_too(name):
 def test_a_channel_that_never_moves_gives_no_scale():
     model = find_model("kelvin_voigt_damper")
     still = campaign(model, {"force": 2.0, "displacement": 0.0})
-    assert set(data_scales(model, still)) == {"force"}
+    assert set(data_scales(model, still)) == {"force", "time"}
     assert scaled(model, data_scales(model, still)).parameters[0] == model.parameters[0]
 
 
-def test_a_tyre_keeps_its_ranges():
-    tyre = find_model("maxwell_tyre")
-    assert scaled(tyre, {"force": 10.0}) is tyre
+def test_ranges_of_a_tyre_grow_with_its_load():
+    """A lorry's tyre; the bundled one keeps its ranges to the last digit."""
+    tyre, bundled = find_model("maxwell_tyre"), read_campaign(bundled_campaign())
+    assert scaled(tyre, data_scales(tyre, bundled)) is tyre
+    heavy = tuple(
+        replace(m, experiment=replace(m.experiment, conditions={**m.experiment.conditions, "vertical_force": 36e3}))
+        for m in bundled.measurements
+    )
+    lorry = replace(bundled, measurements=heavy)
+    for before, after in zip(tyre.parameters, scaled(tyre, data_scales(tyre, lorry)).parameters, strict=True):
+        assert after == (before if before.name in ("s_M", "p_y") else before.times(10.0))

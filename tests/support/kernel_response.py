@@ -17,12 +17,12 @@ def simulator(
     free: Sequence[str] = (),
     steps: int = 4,
 ) -> Simulator:
-    """The model on tests, each with its channels and conditions; ``time`` and ``sample_interval`` are added."""
+    """The model on tests, each with its channels and conditions; ``time`` and what follows from it are added."""
     experiments = []
     for number, (channels, given) in enumerate(tests):
         count = len(next(iter(channels.values())))
         columns = {"time": np.arange(count) * step, **channels}
-        conditions = {"sample_interval": step, **given}
+        conditions = {"sample_interval": step, "record_length": (count - 1) * step, **given}
         experiments.append(
             ExperimentData(
                 name=str(number),
@@ -48,9 +48,12 @@ def output(
     channels: Mapping[str, FloatArray],
     step: float,
     conditions: Mapping[str, float] | None = None,
+    steps: int = 4,
 ) -> FloatArray:
     """First output of one test, shape (n,)."""
-    return simulator(model, [(channels, conditions or {})], step).simulate(point(model, values))[0][0, :, 0]
+    return simulator(model, [(channels, conditions or {})], step, steps=steps).simulate(point(model, values))[0][
+        0, :, 0
+    ]
 
 
 def transfer(

@@ -74,7 +74,16 @@ class Drift(Scaling):
     on = ("output",)
     # -4 % in a quarter of an hour
     parameters = (
-        Parameter("k_t", "1/s", -1e-3, 1e-3, -4.5e-5, description="relative change of gain per time", neutral=0.0),
+        Parameter(
+            "k_t",
+            "1/s",
+            -1e-3,
+            1e-3,
+            -4.5e-5,
+            description="relative change of gain per time",
+            neutral=0.0,
+            scales=powers(time=-1),
+        ),
     )
     inputs = (TIME,)
     conditions = (Condition("start_time", "s", None, "time since the campaign began"),)
@@ -104,7 +113,7 @@ class WarmUp(Scaling):
             "log",
             "time in which it fades",
             grid=(1.0, 4.0, 15.0),
-            scales=powers(displacement=1, velocity=-1),
+            scales=powers(time=1),
         ),
     )
     inputs = (TIME,)

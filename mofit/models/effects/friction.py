@@ -5,14 +5,15 @@ from __future__ import annotations
 import casadi as ca
 
 from mofit.models.effect import Addition, Effect
-from mofit.models.model import TARGET_UNIT, Applied, Channel, Symbols
+from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, Applied, Channel, Symbols
 from mofit.parameters import Parameter, powers
 
 #: how forces and lengths grow with the data of a damper
 FORCE, STROKE = powers(force=1), powers(displacement=1)
 
-#: time constant with which the state of a play follows its signal, s; it matters only where the signal turns
-FOLLOWING = 1e-3
+#: time constant with which the state of a play follows its signal, in sampling intervals; it matters only where the
+#: signal turns
+FOLLOWING = 0.1
 
 
 def beside_damper(s: Symbols, value: ca.SX, force: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -177,19 +178,21 @@ class Backlash(Effect):
         Channel("play_position", TARGET_UNIT, "where the driven side rests"),
         Channel("play_free", TARGET_UNIT, "where it would rest without play"),
     )
+    conditions = (SAMPLE_INTERVAL,)
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Input behind the play."""
         position, free = s.play_position, s.play_free
+        following = FOLLOWING * s.sample_interval
         # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
         # where the input rests without play, it was reached from zero
         rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
         arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
-        free_rate = (value - free) / FOLLOWING
+        free_rate = (value - free) / following
         ahead = 0.5 * (s.velocity if "velocity" in s else free_rate)
         if "velocity" in s:  # one trajectory with the position where there is no play
             free_rate += ahead
-        rate = (arrives - position) / FOLLOWING + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
+        rate = (arrives - position) / following + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
         return Applied(
             arrives,
             derivatives={"play_position": rate, "play_free": free_rate},

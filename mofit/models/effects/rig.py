@@ -5,12 +5,13 @@ from __future__ import annotations
 import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
-from mofit.models.filters import Washout, delayed, lagged, washout_states, washout_time
+from mofit.models.filters import Washout, delay_time, delayed, lagged, washout_states, washout_time
+from mofit.models.library.steady_state import LOAD
 from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, TIME, Applied, Condition, Symbols
 from mofit.parameters import Parameter, powers
 
-#: how times grow with the data of a damper
-DURATION = powers(displacement=1, velocity=-1)
+#: how times grow with the data
+DURATION = powers(time=1)
 
 
 class WheelOrder(Addition):
@@ -25,8 +26,12 @@ class WheelOrder(Addition):
     on = ("lateral_force",)
     needs = ("longitudinal_velocity",)
     parameters = (
-        Parameter("A_wc", "N", -500.0, 500.0, 14.0, description="cosine of the force variation", neutral=0.0),
-        Parameter("A_ws", "N", -500.0, 500.0, 14.0, description="sine of the force variation", neutral=0.0),
+        Parameter(
+            "A_wc", "N", -500.0, 500.0, 14.0, description="cosine of the force variation", neutral=0.0, scales=LOAD
+        ),
+        Parameter(
+            "A_ws", "N", -500.0, 500.0, 14.0, description="sine of the force variation", neutral=0.0, scales=LOAD
+        ),
     )
     inputs = (TIME,)
     conditions = (
@@ -134,7 +139,7 @@ class Delay(Effect):
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Output, delayed."""
-        chain = Washout(s, self.states, value, washout_time(s))
+        chain = Washout(s, self.states, value, delay_time(s, s.tau_d))
         return chain.applied(delayed(chain, s.tau_d))
 
 

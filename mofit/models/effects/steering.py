@@ -9,8 +9,10 @@ from mofit.models.filters import Washout, derivative, lagged, washout_states, wa
 from mofit.models.library.steady_state import slip_stiffness
 from mofit.models.library.tyres import contact_force
 from mofit.models.model import SAMPLE_INTERVAL, Applied, Condition, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
 
+#: how what a force does grows with the load
+PER_LOAD = powers(vertical_force=-1)
 #: Rounds in which angle and force of a settled tyre find each other; each takes off nine tenths of what is left.
 _ROUNDS = 5
 
@@ -95,7 +97,11 @@ class SteeringCompliance(Effect):
     on = ("slip_angle",)
     needs = ("dF0",)
     # 0.08 degrees per kilonewton
-    parameters = (Parameter("kappa_s", "rad/N", 0.0, 3e-5, 1.4e-6, description="steering compliance", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "kappa_s", "rad/N", 0.0, 3e-5, 1.4e-6, description="steering compliance", neutral=0.0, scales=PER_LOAD
+        ),
+    )
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Angle that the tyre sees."""
@@ -131,7 +137,16 @@ class LoadCoupling(Scaling):
     needs = ("lateral_slip", "transport_velocity")
     # half a per cent per kilonewton
     parameters = (
-        Parameter("kappa_z", "1/N", -1e-4, 1e-4, 5e-6, description="relative change of load per force", neutral=0.0),
+        Parameter(
+            "kappa_z",
+            "1/N",
+            -1e-4,
+            1e-4,
+            5e-6,
+            description="relative change of load per force",
+            neutral=0.0,
+            scales=PER_LOAD,
+        ),
     )
 
     def change(self, s: Symbols, value: ca.SX) -> ca.SX:

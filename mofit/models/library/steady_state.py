@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import casadi as ca
 
 from mofit.models.model import Channel, Condition, Equations, Model, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import Parameter, powers
+
+#: how forces, stiffnesses and dampings grow with the load; lengths and times of tyres of other sizes are alike
+LOAD = powers(vertical_force=1)
+#: load for which the ranges of tyres are written, N
+TYPICAL_LOAD = MappingProxyType({"vertical_force": 3600.0})
 
 # Tests up to 4 degrees end well before the maximum and do not inform sliding: fixed ratios, typical of car tyres.
 SLIDING_SLIP = 3.0
@@ -14,13 +21,13 @@ SLIDING_FORCE = 0.95
 """F_S / F_M"""
 
 TMEASY_PARAMETERS = (
-    Parameter("dF0", "N", 1e4, 3e5, 6e4, "log", "initial slope of force over slip"),
+    Parameter("dF0", "N", 1e4, 3e5, 6e4, "log", "initial slope of force over slip", scales=LOAD),
     Parameter("s_M", "1", 0.03, 1.0, 0.13, "log", "slip at the maximum force"),
-    Parameter("F_M", "N", 300.0, 2e4, 3000.0, "log", "maximum force"),
+    Parameter("F_M", "N", 300.0, 2e4, 3000.0, "log", "maximum force", scales=LOAD),
 )
 
 SPRING_PARAMETERS = (
-    Parameter("c_y", "N/m", 1e4, 1e6, 1.2e5, "log", "lateral stiffness at small deflection"),
+    Parameter("c_y", "N/m", 1e4, 1e6, 1.2e5, "log", "lateral stiffness at small deflection", scales=LOAD),
     Parameter("p_y", "1/m", -30.0, 30.0, -7.0, description="change of stiffness with deflection; negative: degressive"),
 )
 
@@ -108,6 +115,7 @@ class TMeasyCurve(Model):
 
     name = "tmeasy_curve"
     title = "TMeasy steady-state curve"
+    typical = TYPICAL_LOAD
     parameters = TMEASY_PARAMETERS
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)
@@ -129,6 +137,7 @@ class QuasiStaticSpring(Model):
 
     name = "quasi_static_spring"
     title = "quasi-static lateral spring"
+    typical = TYPICAL_LOAD
     parameters = SPRING_PARAMETERS
     inputs = (Channel("lateral_displacement", "m", "lateral displacement"),)
     outputs = (LATERAL_FORCE,)

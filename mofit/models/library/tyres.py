@@ -6,10 +6,12 @@ import casadi as ca
 
 from mofit.models.library.steady_state import (
     LATERAL_FORCE,
+    LOAD,
     ROLLING_CONDITIONS,
     SLIP_ANGLE,
     SPRING_PARAMETERS,
     TMEASY_PARAMETERS,
+    TYPICAL_LOAD,
     carcass_force,
     lateral_slip,
     slip_stiffness,
@@ -73,6 +75,7 @@ class Tyre(Model):
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)
     conditions = ROLLING_CONDITIONS
+    typical = TYPICAL_LOAD
     excitations = ("ramp", "sine", "chirp", "multisine", "free")
     stages = (
         Stage("steady_state", "steady state", "tmeasy_curve", ("step",), settled=True),
@@ -97,7 +100,7 @@ class KelvinVoigtTyre(Tyre):
         *TMEASY_PARAMETERS,
         *SPRING_PARAMETERS,
         # without a branch the damper is the only loss of the carcass, and needs more room than the paper's 750
-        Parameter("d_y", "N s/m", 0.0, 3000.0, 300.0, description="damping of the carcass"),
+        Parameter("d_y", "N s/m", 0.0, 3000.0, 300.0, description="damping of the carcass", scales=LOAD),
     )
     states = (DEFLECTION,)
 
@@ -135,9 +138,9 @@ class MaxwellTyre(Tyre):
         *TMEASY_PARAMETERS,
         *SPRING_PARAMETERS,
         # wide as the area that the paper searched: its Figure 9 and Table 3
-        Parameter("d_y", "N s/m", 0.0, 750.0, 300.0, description="damping of the carcass"),
-        Parameter("c_M", "N/m", 1e3, 6e4, 2e4, "log", "stiffness of the Maxwell branch"),
-        Parameter("d_M", "N s/m", 500.0, 6e4, 8e3, "log", "damping of the Maxwell branch"),
+        Parameter("d_y", "N s/m", 0.0, 750.0, 300.0, description="damping of the carcass", scales=LOAD),
+        Parameter("c_M", "N/m", 1e3, 6e4, 2e4, "log", "stiffness of the Maxwell branch", scales=LOAD),
+        Parameter("d_M", "N s/m", 500.0, 6e4, 8e3, "log", "damping of the Maxwell branch", scales=LOAD),
     )
     states = (DEFLECTION, Channel("branch_displacement", "m", "internal displacement of the Maxwell branch"))
     baseline = KelvinVoigtTyre.name
