@@ -11,6 +11,7 @@ from scipy import fft
 
 from mofit._typing import FloatArray
 from mofit.data.signals import NoiseProcess, SignalAnalysis, noise_process, periodic_fit
+from mofit.diagnosis.causal_filter import CausalFilter
 
 #: Periods from which on what repeats can be told from noise: two, less the rounding of the record's length.
 _FEWEST_PERIODS = 1.99
@@ -22,7 +23,8 @@ class Whitening:
 
     Rows are the lines of the real FFT of :math:`x / g`, real and imaginary part, each scaled to unit variance of the
     noise: :math:`\sqrt{2 / (n S_k)}`, at zero frequency :math:`\sqrt{1 / (n S_0)}`. Sums of squares are those of
-    generalised least squares.
+    generalised least squares. A record that does not repeat is whitened before by the causal filter of S (see
+    `CausalFilter`): the FFT would take the step from its end to its start for a part of the signal.
 
     Parameters
     ----------
@@ -75,7 +77,11 @@ class Whitening:
         weight[0] = 1.0
         if self.count % 2 == 0:
             weight[-1] = 1.0
-        return np.sqrt(weight / (self.count * self.process.spectrum))
+        return np.sqrt(weight / (self.count * (self.process.spectrum if self.periods else 1.0)))
+
+    @cached_property
+    def _filter(self) -> CausalFilter:
+        return CausalFilter.whitening(self.process.spectrum, self.count)
 
     @cached_property
     def _rows(self) -> NDArray[np.intp]:
@@ -92,6 +98,8 @@ class Whitening:
         """Signals (..., samples, k) of the whole record as white rows (..., rows, k)."""
         used = columns[..., self.start : self.start + self.count, :]
         scaled = np.moveaxis(used, -2, -1) / self.process.level
+        if not self.periods:
+            scaled = self._filter.apply(scaled)
         lines = fft.rfft(scaled, axis=-1) * self._scale
         return np.moveaxis(np.concatenate([lines.real, lines.imag], axis=-1)[..., self._rows], -1, -2)
 
@@ -112,7 +120,8 @@ class Whitening:
 
     def signal(self, rows: FloatArray) -> FloatArray:
         """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
-        return np.asarray(fft.irfft(self.white_lines(rows) / self._scale, self.count) * self.process.level)
+        values = fft.irfft(self.white_lines(rows) / self._scale, self.count)
+        return np.asarray((values if self.periods else self._filter.undo(values)) * self.process.level)
 
 
 def whitening(

@@ -48,7 +48,7 @@ class DryFriction(Effect):
             2e-3,
             "log",
             "length over which it builds up",
-            grid=(5e-4, 2e-3, 8e-3),
+            grid=(5e-5, 5e-4, 2e-3, 8e-3),
             scales=STROKE,
         ),
     )
