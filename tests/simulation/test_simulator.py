@@ -1,5 +1,8 @@
 """The simulator against known answers and itself."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from kernel_models import RELAXATION, STATIC, sine_experiment
@@ -79,3 +82,17 @@ def test_unknown_free_parameter_and_unfit_test_are_reported_together():
 def test_wrong_number_of_parameters_is_an_input_error():
     with pytest.raises(InputError, match="tau, gain, start"):
         Simulator(RELAXATION, [sine_experiment(RELAXATION)]).cost(np.ones((4, 2)))
+
+
+@pytest.mark.parametrize("bounded", [True, False], ids=["box", "measured"])
+def test_tests_leave_the_memory_with_their_simulator(bounded):
+    p = draw(RELAXATION, 5)
+    box = (p.min(axis=0), p.max(axis=0)) if bounded else None
+    experiment = sine_experiment(RELAXATION)
+    seen = weakref.ref(experiment)
+    simulator = Simulator(RELAXATION, [experiment], box=box)
+    simulator.cost(p)
+    del simulator, experiment
+    if not bounded:  # what was measured is remembered in a circle
+        gc.collect()
+    assert seen() is None
