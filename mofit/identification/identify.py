@@ -73,7 +73,7 @@ def identify(
     folder
         The run's folder, with ``result.nc`` and ``chains.h5``.
     tree
-        The result, as in that file.
+        The result, as in that file. In a large one, what is simulated is computed whenever it is read.
 
     Raises
     ------

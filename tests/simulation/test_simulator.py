@@ -84,6 +84,13 @@ def test_wrong_number_of_parameters_is_an_input_error():
         Simulator(RELAXATION, [sine_experiment(RELAXATION)]).cost(np.ones((4, 2)))
 
 
+def test_one_test_is_simulated_as_all_are():
+    experiments = [sine_experiment(RELAXATION, 0.5), sine_experiment(RELAXATION, 2.0, samples=150)]
+    simulator, p = Simulator(RELAXATION, experiments), draw(RELAXATION, 5)
+    for test, outputs in enumerate(simulator.simulate(p)):
+        np.testing.assert_array_equal(simulator.one(test, p), outputs)
+
+
 @pytest.mark.parametrize("bounded", [True, False], ids=["box", "measured"])
 def test_tests_leave_the_memory_with_their_simulator(bounded):
     p = draw(RELAXATION, 5)

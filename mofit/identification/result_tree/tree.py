@@ -21,7 +21,8 @@ from mofit.identification.search_registry import search_descriptions
 from mofit.optimize import hypervolume_history
 from mofit.problem import Problem
 from mofit.quantities import title_of
-from mofit.results import SCHEMA, Signal, axis, group_dataset, parameter_axis, quantity, signal_dataset
+from mofit.results import SCHEMA, Signal, axis, group_dataset, is_large, parameter_axis, quantity, signal_dataset
+from mofit.runtime.files import loaded
 from mofit.runtime.run_directory import configuration_hash
 
 #: Evaluations at which the hypervolume is recorded, as shares of all.
@@ -31,7 +32,10 @@ LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee", "xarray", "arviz-s
 
 
 def assemble(outcome: IdentificationResult) -> xr.DataTree:
-    """The result tree of an identification, with every group that the outcome has something for."""
+    """The result tree of an identification, with every group that the outcome has something for.
+
+    What is simulated in a large one is computed when it is read: test by test as it is written, and not kept.
+    """
     groups: dict[str, xr.Dataset] = {
         "/": _root(outcome),
         "/parameters": _parameters(outcome),
@@ -45,7 +49,8 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         **mode_groups(outcome),
         **mixture_groups(outcome),
     }
-    return xr.DataTree.from_dict(groups)
+    tree = xr.DataTree.from_dict(groups)
+    return tree if is_large(tree) else loaded(tree)
 
 
 def _root(outcome: IdentificationResult) -> xr.Dataset:
