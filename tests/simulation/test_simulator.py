@@ -9,6 +9,7 @@ from kernel_models import RELAXATION, STATIC, sine_experiment
 
 from mofit.errors import InputError
 from mofit.simulation import Simulator
+from mofit.simulation.table_cache import drop_tables
 
 
 def draw(system, count, seed=0):
@@ -89,6 +90,13 @@ def test_one_test_is_simulated_as_all_are():
     simulator, p = Simulator(RELAXATION, experiments), draw(RELAXATION, 5)
     for test, outputs in enumerate(simulator.simulate(p)):
         np.testing.assert_array_equal(simulator.one(test, p), outputs)
+
+
+def test_tables_that_were_dropped_are_made_again():
+    simulator, p = Simulator(RELAXATION, [sine_experiment(RELAXATION)]), draw(RELAXATION, 5)
+    before = simulator.cost(p)
+    drop_tables()
+    np.testing.assert_array_equal(simulator.cost(p), before)
 
 
 @pytest.mark.parametrize("bounded", [True, False], ids=["box", "measured"])

@@ -23,7 +23,9 @@ from mofit.problem import Problem
 from mofit.quantities import title_of
 from mofit.results import SCHEMA, Signal, axis, group_dataset, is_large, parameter_axis, quantity, signal_dataset
 from mofit.runtime.files import loaded
+from mofit.runtime.memory import give_back
 from mofit.runtime.run_directory import configuration_hash
+from mofit.simulation.table_cache import drop_tables
 
 #: Evaluations at which the hypervolume is recorded, as shares of all.
 CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -50,7 +52,12 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         **mixture_groups(outcome),
     }
     tree = xr.DataTree.from_dict(groups)
-    return tree if is_large(tree) else loaded(tree)
+    if not is_large(tree):
+        return loaded(tree)
+    # room for what is computed later
+    drop_tables()
+    give_back()
+    return tree
 
 
 def _root(outcome: IdentificationResult) -> xr.Dataset:
