@@ -25,6 +25,7 @@ from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
 from mofit.runtime.files import write_text
+from mofit.runtime.memory import give_back
 from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
@@ -73,7 +74,7 @@ def identify(
     folder
         The run's folder, with ``result.nc`` and ``chains.h5``.
     tree
-        The result, as in that file.
+        The result, as in that file. In a large one, what is simulated is computed whenever it is read.
 
     Raises
     ------
@@ -119,6 +120,7 @@ def identify(
                 references=groups,
                 seconds={**timer.seconds, **seconds, "total": timer.total},
             )
+            give_back()
             progress("write", 0, 1, "result and report")
             tree = with_predictions(assemble(result), model, whole, as_names(hold_out), chosen, settings.jobs)
             with drawn(tree, folder.partial):

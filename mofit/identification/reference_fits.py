@@ -44,8 +44,8 @@ def fit_references(
             main, reference = located.searched, find_model(model.baseline)
             tests = [m.name for m in main.measurements if measured_outputs(reference, m)]
             if tests:
-                fitted = _baseline(reference, campaign, tests, located.calibrations, settings)
-                groups |= baseline_groups(fitted, main)
+                # the fit itself is not kept: it goes before its stage ends
+                groups |= baseline_groups(_baseline(reference, campaign, tests, located.calibrations, settings), main)
     return groups, timer.seconds
 
 

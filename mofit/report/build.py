@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from mofit.errors import InputError
-from mofit.results import open_result
+from mofit.results import is_large, open_result
 from mofit.runtime.output_file import output_file
 from mofit.runtime.parallel import ready_beside
 
@@ -31,8 +31,6 @@ _PAGES = {
 
 #: Figures are drawn in Python, a core at a time; a second process halves the wait, more would mostly start up.
 _PROCESSES = 2
-#: Bytes of a result that are sent to a process: on the way there are three of it in memory.
-_MOST_SENT = 50_000_000
 #: Height of a page's frame in a notebook [CSS pixels]; the page scrolls inside it.
 _HEIGHT = 720
 
@@ -77,7 +75,7 @@ def report_beside() -> Iterator[Drawn]:
 
         @contextmanager
         def drawn(tree: xr.DataTree, folder: Path) -> Iterator[None]:
-            if sum(node.dataset.nbytes for node in tree.subtree) > _MOST_SENT:
+            if is_large(tree):  # on the way there would be three of it in memory
                 yield
                 start(_from_file, folder)()
                 return

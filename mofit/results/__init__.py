@@ -1,13 +1,14 @@
 """The result of a run: one labelled tree (``mofit.result/2``), checked, written, read as a whole, and exported."""
 
 from mofit.results.cochran_q import cochran
-from mofit.results.io import open_result, write_result
+from mofit.results.io import is_large, open_result, write_result
 from mofit.results.layout import OUTPUT_UNIT, OWN_UNIT
 from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
 from mofit.results.reading import findings, green, parameter_layout, summary
 from mofit.results.schema import SCHEMA
 from mofit.results.variables import (
+    Computed,
     Signal,
     axis,
     draw_axes,
@@ -23,6 +24,7 @@ __all__ = [
     "OWN_UNIT",
     "SCHEMA",
     "SCOPED_SOURCES",
+    "Computed",
     "Objective",
     "Signal",
     "axis",
@@ -32,6 +34,7 @@ __all__ = [
     "findings",
     "green",
     "group_dataset",
+    "is_large",
     "objectives",
     "open_result",
     "parameter_axis",

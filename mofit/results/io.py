@@ -14,10 +14,17 @@ from mofit.results.schema import EARLIER, GROUPS, JSON_ATTRIBUTES, SAMPLED, SCHE
 from mofit.runtime.files import read_tree, write_tree
 
 RESULT_FILE = "result.nc"
+#: bytes from which a result is large
+_LARGE = 50_000_000
 
 #: predicted tests, which may have any name
 _RECORDS = "/held_out/"
 _HINT = "Write the run again with this version of mofit"
+
+
+def is_large(tree: xr.DataTree) -> bool:
+    """Whether a tree would take much memory more than once: what can be computed or read later, is then."""
+    return sum(node.dataset.nbytes for node in tree.subtree) > _LARGE
 
 
 def write_result(tree: xr.DataTree, folder: Path | str) -> Path:

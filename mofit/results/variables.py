@@ -2,20 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
+from xarray.backends import BackendArray
+from xarray.core import indexing
 
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
 from mofit.results.schema import AXES, group_at
 
 
-def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name: str) -> xr.Variable:
+class Computed(BackendArray):
+    """Numbers that are computed whenever they are read, and not kept: those of long records would fill the memory.
+
+    Parameters
+    ----------
+    compute
+        Returns the array.
+    shape, dtype
+        Of the array.
+    """
+
+    def __init__(self, compute: Callable[[], FloatArray], shape: Sequence[int], dtype: DTypeLike = float) -> None:
+        self.shape, self.dtype = tuple(shape), np.dtype(dtype)
+        self._compute = compute
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> FloatArray:
+        """Some or all of the numbers, as xarray asks for them."""
+
+        def read(index: tuple[Any, ...]) -> FloatArray:
+            return np.asarray(self._compute()[index], dtype=self.dtype)
+
+        found = indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, read)
+        return np.asarray(found)
+
+
+def quantity(dims: str | Sequence[str], values: ArrayLike | Computed, units: str, long_name: str) -> xr.Variable:
     """A variable of the result tree.
 
     Parameters
@@ -25,7 +53,8 @@ def quantity(dims: str | Sequence[str], values: ArrayLike, units: str, long_name
     units, long_name
         SI unit, ``"1"`` without one; and what the variable is, in a few words.
     """
-    return xr.Variable(dims, np.asarray(values), {"units": units, "long_name": long_name})
+    data = indexing.LazilyIndexedArray(values) if isinstance(values, Computed) else np.asarray(values)
+    return xr.Variable(dims, data, {"units": units, "long_name": long_name})
 
 
 def axis(dim: str, values: ArrayLike) -> xr.Variable:
@@ -104,7 +133,7 @@ class Signal:
 
     test: str
     time: ArrayLike
-    values: ArrayLike
+    values: ArrayLike | Computed
     units: str
     long_name: str
     outputs: bool = False

@@ -140,15 +140,19 @@ def read_tree(path: Path, hint: str) -> xr.DataTree:
         raise InputError.of(where, "the file has zero length", hint)
     try:
         with xr.open_datatree(path, engine="netcdf4", decode_times=False) as opened:
-            tree = opened.load()
-            # not every variable is read by that; one that is not would open the file again later, for good
-            for node in tree.subtree:
-                for variable in node.variables.values():
-                    variable.load()
+            tree = loaded(opened.load())
     except Exception as error:  # noqa: BLE001  a damaged file raises anything, from OSError to RuntimeError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         message = f"not a readable netCDF-4 file: truncated, damaged or of another kind ({reason})"
         raise InputError.of(where, message, hint) from None
+    return tree
+
+
+def loaded(tree: xr.DataTree) -> xr.DataTree:
+    """A tree, all of its numbers in memory; xarray's own ``load`` leaves some for later."""
+    for node in tree.subtree:
+        for variable in node.variables.values():
+            variable.load()
     return tree
 
 

@@ -185,6 +185,13 @@ class ScopedSimulator(Simulator):
                 values = np.concatenate([values[..., :1], shared], axis=-1)
             yield values
 
+    def one(self, test: int, p: ArrayLike) -> FloatArray:
+        """Outputs of one test, by its index, (N, n, ny), with the scoped values that are best for all."""
+        values = self.best(p).values
+        alone, scheduler = self.select([test]), self._scheduler.without_tables()
+        choices = alone._choices(values[:, [test]])
+        return scheduler.stored(alone.experiments, values[:, test], choices, False)[0][..., 0]
+
     def _stored(self, p: ArrayLike, derivatives: bool) -> list[FloatArray]:
         return list(self.one_by_one(p, derivatives))
 

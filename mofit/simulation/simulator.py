@@ -175,6 +175,10 @@ class Simulator:
         for test in range(len(self.experiments)):
             yield from self.select([test])._stored(p, derivatives)
 
+    def one(self, test: int, p: ArrayLike) -> FloatArray:
+        """Outputs of one test, by its index, (N, n, ny), as in `simulate`; no table is kept for it."""
+        return self.select([test]).without_tables().simulate(p)[0]
+
     def _stored(self, p: ArrayLike, derivatives: bool) -> list[FloatArray]:
         p = self._checked(p)
         return self._scheduler.stored(self.experiments, p, self._choices(p), derivatives)

@@ -51,7 +51,11 @@ class StepSelection:
 
     def __init__(self, probe: Callable[[], StepProbe], box: Box | None, tolerance: float) -> None:
         self._probe, self._box, self._tolerance = probe, box, tolerance
-        self._measured = lru_cache(maxsize=8)(self._measure)
+
+    @cached_property
+    def _measured(self) -> Callable[[bytes, int], dict[ExperimentData, StepChoice]]:
+        """`_measure`, remembered; made where it is needed, because its circle keeps the tests in memory."""
+        return lru_cache(maxsize=8)(self._measure)
 
     def rules(self, experiments: Sequence[ExperimentData]) -> list[StepRule]:
         """The rule of each test; none without a box."""

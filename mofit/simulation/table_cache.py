@@ -43,6 +43,11 @@ class TableCache:
                 self._bytes += table.nbytes
         return table
 
+    def clear(self) -> None:
+        """Forget all tables."""
+        self._kept.clear()
+        self._bytes = 0
+
     def _oldest(self) -> tuple[int, Hashable] | None:
         """Last use and name of the longest unused table."""
         return next(((call, name) for name, (_, call) in self._kept.items()), None)
@@ -54,6 +59,13 @@ class TableCache:
 
 
 _caches: WeakSet[TableCache] = WeakSet()
+
+
+def drop_tables() -> None:
+    """Forget all tables of the process; those that are needed are made again."""
+    with _lock:
+        for cache in list(_caches):
+            cache.clear()
 
 
 def _room_for(needed: int, own: TableCache, used: Set[Hashable]) -> bool:

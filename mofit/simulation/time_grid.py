@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -23,7 +24,7 @@ _HALVINGS = 20
 _LOOKS = 8
 #: bisections from there; to about 1e-16 of the interval
 _BISECTIONS = 48
-#: tests whose switches are remembered
+#: systems whose switch functions are remembered
 _REMEMBERED = 256
 
 
@@ -101,12 +102,18 @@ def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArra
     Only switches that inputs and conditions decide alone: they are the same for all parameter
     sets. A step across a kink would be of second order only.
     """
-    return _find(_switch_program(system), experiment)
+    known, program = _switches.setdefault(experiment, {}), _switch_program(system)
+    if program not in known:
+        known[program] = _find(program, experiment)
+    return known[program]
 
 
-@lru_cache(maxsize=_REMEMBERED)
+#: by test, with which they go, and functions whose sign decides: models that share these share the switches
+_switches: WeakKeyDictionary[ExperimentData, dict[Program, tuple[FloatArray, FloatArray]]] = WeakKeyDictionary()
+
+
 def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:
-    """The same for the functions whose sign decides; models that share them share the result."""
+    """The same for the functions whose sign decides."""
     if not program.outputs[0] or experiment.samples < 2:
         return np.empty(0), np.empty(0)
 

@@ -103,3 +103,10 @@ def test_groups_join_what_shares_a_value() -> None:
     assert unknowns.group.tolist() == [0, 0, 1]
     assert unknowns.place.tolist() == [[0, 1], [2, 1], [0, 1]]
     assert unknowns.used.tolist() == [[True, True, True], [True, True, False]]
+
+
+def test_one_test_is_simulated_as_all_are_with_the_values_that_are_best_for_all():
+    problem = build_problem(Line(), campaign()[0])
+    p = problem.layout.full(np.array([[0.2], [0.7]]))
+    for test, outputs in enumerate(problem.simulate(np.array([[0.2], [0.7]]))):
+        np.testing.assert_array_equal(problem.simulator.one(test, p), outputs)

@@ -9,9 +9,9 @@ import synthetic_rigs
 import xarray as xr
 
 from mofit.errors import InputError
-from mofit.results import Signal, draw_axes, group_dataset, parameter_layout, signal_dataset
+from mofit.results import Computed, Signal, draw_axes, group_dataset, parameter_layout, quantity, signal_dataset
 from mofit.results.io import RESULT_FILE, check_result, open_result, write_result
-from mofit.runtime.files import atomic_path
+from mofit.runtime.files import atomic_path, loaded
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +153,40 @@ def test_signals_of_different_length_live_in_one_dataset() -> None:
     assert data["a"].dims == ("time_a",)
     assert data["b"].dims == ("chain", "draw", "time_b")
     assert data["time_b"].attrs["units"] == "s"
+
+
+@pytest.mark.parametrize("shape", [(40,), (2, 3, 40)], ids=["signal", "draws"])
+def test_computed_signals_are_written_as_those_in_memory(tree, tmp_path, shape) -> None:
+    known, asked = np.random.default_rng(0).normal(size=shape).astype(np.float32), []
+
+    def compute() -> np.ndarray:
+        asked.append(1)
+        return known
+
+    def written(values, folder) -> xr.DataTree:
+        changed = tree.copy()
+        signal = Signal("t", np.arange(40.0), values, "N", "force")
+        changed["further"] = xr.DataTree(signal_dataset({"t": signal}))
+        return open_result(write_result(changed, tmp_path / folder))
+
+    computed = written(Computed(compute, shape, np.float32), "computed")
+    assert computed.identical(written(known, "in memory"))
+    assert computed["further/t"].dtype == np.float32
+    assert len(asked) == 1
+
+
+def test_computed_numbers_are_read_in_part_and_kept_only_when_loaded() -> None:
+    asked = []
+
+    def compute() -> np.ndarray:
+        asked.append(1)
+        return np.arange(12.0).reshape(3, 4)
+
+    tree = xr.DataTree(xr.Dataset({"y": quantity(("a", "b"), Computed(compute, (3, 4)), "N", "force")}))
+    assert asked == []
+    np.testing.assert_array_equal(tree["y"][1, ::2].values, [4.0, 6.0])
+    np.testing.assert_array_equal(tree["y"].isel(a=[2, 0]).values, np.arange(12.0).reshape(3, 4)[[2, 0]])
+    assert len(asked) == 2
+    loaded(tree)
+    assert tree["y"].values.sum() == tree["y"].values.sum() == 66.0
+    assert len(asked) == 3

@@ -1,11 +1,15 @@
 """The simulator against known answers and itself."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from kernel_models import RELAXATION, STATIC, sine_experiment
 
 from mofit.errors import InputError
 from mofit.simulation import Simulator
+from mofit.simulation.table_cache import drop_tables
 
 
 def draw(system, count, seed=0):
@@ -79,3 +83,31 @@ def test_unknown_free_parameter_and_unfit_test_are_reported_together():
 def test_wrong_number_of_parameters_is_an_input_error():
     with pytest.raises(InputError, match="tau, gain, start"):
         Simulator(RELAXATION, [sine_experiment(RELAXATION)]).cost(np.ones((4, 2)))
+
+
+def test_one_test_is_simulated_as_all_are():
+    experiments = [sine_experiment(RELAXATION, 0.5), sine_experiment(RELAXATION, 2.0, samples=150)]
+    simulator, p = Simulator(RELAXATION, experiments), draw(RELAXATION, 5)
+    for test, outputs in enumerate(simulator.simulate(p)):
+        np.testing.assert_array_equal(simulator.one(test, p), outputs)
+
+
+def test_tables_that_were_dropped_are_made_again():
+    simulator, p = Simulator(RELAXATION, [sine_experiment(RELAXATION)]), draw(RELAXATION, 5)
+    before = simulator.cost(p)
+    drop_tables()
+    np.testing.assert_array_equal(simulator.cost(p), before)
+
+
+@pytest.mark.parametrize("bounded", [True, False], ids=["box", "measured"])
+def test_tests_leave_the_memory_with_their_simulator(bounded):
+    p = draw(RELAXATION, 5)
+    box = (p.min(axis=0), p.max(axis=0)) if bounded else None
+    experiment = sine_experiment(RELAXATION)
+    seen = weakref.ref(experiment)
+    simulator = Simulator(RELAXATION, [experiment], box=box)
+    simulator.cost(p)
+    del simulator, experiment
+    if not bounded:  # what was measured is remembered in a circle
+        gc.collect()
+    assert seen() is None

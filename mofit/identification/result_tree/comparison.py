@@ -10,8 +10,8 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.identification.calibration import Calibration
 from mofit.identification.result import IdentificationResult, LocalFit
-from mofit.identification.result_tree.modes import laplace_sd, predictions
-from mofit.identification.result_tree.outputs import over_tests, test_axes
+from mofit.identification.result_tree.modes import laplace_sd
+from mofit.identification.result_tree.outputs import over_tests, simulated_signals, test_axes
 from mofit.problem import Problem
 from mofit.quantities import title_of
 from mofit.results import group_dataset, parameter_axis
@@ -56,7 +56,8 @@ def baseline_groups(fit: LocalFit, main: Problem) -> dict[str, xr.Dataset]:
         },
         {"model": model.name, "model_title": model.title or model.name},
     )
-    return {"/baseline": group, "/baseline/prediction": predictions(problem, best.point, outputs)}
+    # computed now: what is needed for it is not kept
+    return {"/baseline": group, "/baseline/prediction": simulated_signals(problem, best.point, outputs).load()}
 
 
 def calibration_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:

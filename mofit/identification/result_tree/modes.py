@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,9 +11,8 @@ from numpy.typing import ArrayLike
 from mofit._typing import FloatArray
 from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.result import IdentificationResult, PosteriorMode
-from mofit.identification.result_tree.outputs import output_signals, over_tests, test_axes
+from mofit.identification.result_tree.outputs import over_tests, simulated_signals, test_axes
 from mofit.identification.result_tree.scoped import scoped_group
-from mofit.models import Channel
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, test_log_likelihood
@@ -34,7 +32,7 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     for mode in outcome.modes:
         path = f"/modes/{mode.name}"
         groups[path] = _summary(path, problem, mode)
-        groups[f"{path}/prediction"] = predictions(problem, mode.minimum.point)
+        groups[f"{path}/prediction"] = simulated_signals(problem, mode.minimum.point)
         groups |= scoped_group(f"{path}/scoped", problem, mode.minimum)
         groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
         if not mode.is_sampled:
@@ -58,11 +56,6 @@ def laplace_sd(space: ParameterSpace, point: FloatArray, hessian: FloatArray) ->
     return np.asarray(sd * space.derivative(space.from_unit(point)))
 
 
-def predictions(problem: Problem, point: FloatArray, outputs: Sequence[Channel] | None = None) -> xr.Dataset:
-    """Simulated outputs of every test at one point (d,)."""
-    return output_signals(problem, [values[0] for values in problem.simulate(point[None])], outputs, "simulated")
-
-
 def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     """Simulated outputs of every test at some of the posterior draws (chain, draw, d), evenly spread."""
     samples = sum(experiment.measured.size for experiment in problem.experiments)
@@ -71,14 +64,7 @@ def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
         draws = draws[np.linspace(0, len(draws) - 1, most).astype(int)]
     wanted = max(1, most // len(draws))
     few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
-    chains, count, dimension = few.shape
-    points = problem.layout.full(few.reshape(-1, dimension))
-    # one test at a time: all draws of all tests take several times the memory of the data
-    simulated: list[FloatArray] = [
-        np.asarray(values[..., 0].reshape(chains, count, *values.shape[1:-1]), dtype=np.float32)
-        for values in problem.simulator.one_by_one(points, derivatives=False)
-    ]
-    return output_signals(problem, simulated, what="simulated")
+    return simulated_signals(problem, few, dtype=np.float32)
 
 
 def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import xarray as xr
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from mofit._typing import FloatArray
 from mofit.models import Channel
 from mofit.problem import Problem
 from mofit.quantities import title_of
-from mofit.results import OUTPUT_UNIT, Signal, axis, quantity, signal_dataset
+from mofit.results import OUTPUT_UNIT, Computed, Signal, axis, quantity, signal_dataset
 from mofit.simulation import measured_outputs, objective_pairs
 
 
@@ -51,17 +52,42 @@ def noise_and_range(problem: Problem) -> dict[str, FloatArray]:
     return {name: over_tests(problem, values) for name, values in found.items()}
 
 
-def output_signals(
-    problem: Problem, values: Sequence[FloatArray], outputs: Sequence[Channel] | None = None, what: str = ""
+def simulated_signals(
+    problem: Problem,
+    points: FloatArray,
+    outputs: Sequence[Channel] | None = None,
+    dtype: DTypeLike = float,
 ) -> xr.Dataset:
-    """Outputs of every test, each (..., samples, ny), as signals; ``what`` says in a word what they are."""
-    own = problem.model.outputs
+    """Simulated outputs of every test at points (..., d), as signals that are computed when they are read.
+
+    ``outputs`` are those of another model that the problem is compared with.
+    """
+    own, lead = problem.model.outputs, points.shape[:-1]
     wanted = own if outputs is None else outputs
+    p = problem.layout.full(points.reshape(-1, points.shape[-1]))
+    simulator = problem.simulator.without_tables()
+
+    def compute(test: int) -> FloatArray:
+        values = simulator.one(test, p)
+        return _arranged(values.reshape(*lead, *values.shape[1:]), own, wanted)
+
+    last = (len(wanted),) * (len(wanted) > 1)
+    values = [
+        Computed(partial(compute, test), (*lead, experiment.samples, *last), dtype)
+        for test, experiment in enumerate(problem.experiments)
+    ]
+    return _signals(problem, values, wanted, "simulated ")
+
+
+def _signals(
+    problem: Problem, values: Sequence[FloatArray | Computed], wanted: Sequence[Channel], what: str = ""
+) -> xr.Dataset:
+    """The wanted outputs of every test as signals; ``what`` says in a word what they are."""
     title = " and ".join(title_of(channel.name, channel.description) for channel in wanted)
-    unit, title, several = unit_of(wanted), f"{what} {title}".strip(), len(wanted) > 1
+    unit, several = unit_of(wanted), len(wanted) > 1
     found = signal_dataset(
         {
-            m.name: Signal(m.name, m.time, _arranged(ours, own, wanted), unit, title, several)
+            m.name: Signal(m.name, m.time, ours, unit, what + title, several)
             for m, ours in zip(problem.measurements, values, strict=True)
         }
     )
@@ -70,13 +96,13 @@ def output_signals(
 
 def measured_signals(problem: Problem) -> xr.Dataset:
     """The measured outputs of every test; NaN where it lacks one."""
-    values = []
+    values, outputs = [], problem.model.outputs
     for measurement in problem.measurements:
         have = measured_outputs(problem.model, measurement)
         lacking = np.full(len(measurement.time), np.nan)
-        columns = [measurement.channel(c.name) if c.name in have else lacking for c in problem.model.outputs]
-        values.append(np.stack(columns, axis=-1))
-    return output_signals(problem, values)
+        columns = [measurement.channel(c.name) if c.name in have else lacking for c in outputs]
+        values.append(np.stack(columns, axis=-1) if len(outputs) > 1 else columns[0])
+    return _signals(problem, values, outputs)
 
 
 def _output_axis(outputs: Sequence[Channel]) -> dict[str, xr.Variable]:

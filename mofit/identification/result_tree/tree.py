@@ -21,8 +21,11 @@ from mofit.identification.search_registry import search_descriptions
 from mofit.optimize import hypervolume_history
 from mofit.problem import Problem
 from mofit.quantities import title_of
-from mofit.results import SCHEMA, Signal, axis, group_dataset, parameter_axis, quantity, signal_dataset
+from mofit.results import SCHEMA, Signal, axis, group_dataset, is_large, parameter_axis, quantity, signal_dataset
+from mofit.runtime.files import loaded
+from mofit.runtime.memory import give_back
 from mofit.runtime.run_directory import configuration_hash
+from mofit.simulation.table_cache import drop_tables
 
 #: Evaluations at which the hypervolume is recorded, as shares of all.
 CHECKPOINTS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 0.85, 1.0)
@@ -31,7 +34,10 @@ LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee", "xarray", "arviz-s
 
 
 def assemble(outcome: IdentificationResult) -> xr.DataTree:
-    """The result tree of an identification, with every group that the outcome has something for."""
+    """The result tree of an identification, with every group that the outcome has something for.
+
+    What is simulated in a large one is computed when it is read: test by test as it is written, and not kept.
+    """
     groups: dict[str, xr.Dataset] = {
         "/": _root(outcome),
         "/parameters": _parameters(outcome),
@@ -45,7 +51,13 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         **mode_groups(outcome),
         **mixture_groups(outcome),
     }
-    return xr.DataTree.from_dict(groups)
+    tree = xr.DataTree.from_dict(groups)
+    if not is_large(tree):
+        return loaded(tree)
+    # room for what is computed later
+    drop_tables()
+    give_back()
+    return tree
 
 
 def _root(outcome: IdentificationResult) -> xr.Dataset:
