@@ -22,6 +22,8 @@ from mofit._typing import FloatArray
 from mofit.data.signals.periodicity import periodic_fit
 
 _TINY = np.finfo(float).tiny
+#: Least 1 - 2 d at zero frequency: with d from 0.5 on the mean over the bin would have no end.
+_LEAST_SPAN = 0.1
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,8 @@ class SpectrumSettings:
 
     highest_order: int = 12
     """Of the autoregressive process: six resonances, two coefficients each."""
-    memories: tuple[float, ...] = (0.15, 0.3, 0.45)
-    """Exponents d of long memory that are tried; 1/f noise has 0.5."""
+    memories: tuple[float, ...] = (0.15, 0.3, 0.45, 0.6)
+    """Exponents d of long memory that are tried; 1/f noise has 0.5, and lies between two."""
     memory_order: int = 3
     """Highest order of the autoregressive part beside long memory."""
     memory_bins: int = 64
@@ -237,7 +239,7 @@ def _long_memory(count: int, exponent: float) -> FloatArray:
     omega = 2 * np.pi * np.arange(count // 2 + 1) / count
     shape = np.empty(len(omega))
     shape[1:] = (2 * np.sin(omega[1:] / 2)) ** (-2 * exponent)
-    shape[0] = (np.pi / count) ** (-2 * exponent) / (1 - 2 * exponent)
+    shape[0] = (np.pi / count) ** (-2 * exponent) / max(1 - 2 * exponent, _LEAST_SPAN)
     return shape
 
 
