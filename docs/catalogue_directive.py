@@ -44,10 +44,10 @@ def model_notes(model) -> list[str]:
 
 
 def effect_row(effect) -> list[str]:
-    """Cells of an effect: name, title, targets, typical size."""
+    """Cells of an effect: name, title, family, targets, typical size."""
     size = [f"`{p.name}` {p.nominal:g} {p.unit}".removesuffix(" 1") for p in effect.parameters if p.neutral is not None]
     title = effect.title if effect.candidate else f"{effect.title}; *only when named*"
-    return [f"`{effect.name}`", title, " or ".join(f"`{name}`" for name in effect.on), ", ".join(size)]
+    return [f"`{effect.name}`", title, effect.family, " or ".join(f"`{name}`" for name in effect.on), ", ".join(size)]
 
 
 def effect_notes(effect) -> list[str]:
@@ -129,7 +129,7 @@ class Models(_Catalogue):
 class Effects(_Catalogue):
     """The shipped effects."""
 
-    heads = ("Effect", "What it is", "Acts on", "Typical size")
+    heads = ("Effect", "What it is", "Family", "Acts on", "Typical size")
     items, row, notes = staticmethod(effects), staticmethod(effect_row), staticmethod(effect_notes)
 
 

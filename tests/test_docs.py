@@ -147,9 +147,10 @@ def test_numbers_of_the_diagnosis_are_those_of_the_code() -> None:
         f"is left (p < {rules.one_more_p_value:g})",
         f"residual tests have p < {rules.residual_p_value:g}",
         f"exceeds {100 * rules.residual_of_peak:g} % of the output's peak",
-        f"more than {100 * rules.residual_share:g} % of the gap of the baseline",
+        f"at most {100 * rules.residual_share:g} % of the gap of the baseline",
         f"({100 * rules.residual_share_of_several:g} % where several effects were needed)",
-        f"leaves at most {100 * rules.coarse_share:g} % of the squared gap",
+        f"leaves at least {rules.dominance:g} times as much",
+        f"explains at least {100 * rules.partly:g} % of the gap",
         f"from {following.shortest:g} s to {following.longest:g} s long",
         f"the power is at least {100 * following.power:g} %",
     ):

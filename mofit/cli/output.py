@@ -161,10 +161,10 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
     if where["residuals"]:
         console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)")
     if found["effects"]:
-        table = _table("effect", "probability", "size", "5 %", "95 %", "unit", words=("unit",))
+        table = _table("family", "effect", "probability", "size", "5 %", "95 %", "unit", words=("effect", "unit"))
         for effect in found["effects"]:
             sizes = [f"{effect[key]:.4g}" for key in ("size", "size_low", "size_high")]
-            table.add_row(effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
+            table.add_row(effect["family"], effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
         console.print(table)
     if shrinkage := found["shrinkage"]:
         share = [f"{100 * shrinkage[key]:.1f}" for key in ("refitted", "low", "high")]

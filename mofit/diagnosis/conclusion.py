@@ -1,4 +1,4 @@
-"""The conclusion from all that was tried: none, one effect, a group, several, or none of the known."""
+"""The conclusion from all that was tried, by grades: nothing, a cause that explains the gap, most of it, or none."""
 
 from __future__ import annotations
 
@@ -8,29 +8,30 @@ from typing import Literal
 
 import numpy as np
 
+from mofit._typing import FloatArray
 from mofit.diagnosis.model_search import Attribution
-from mofit.diagnosis.refit import CandidateModel, probabilities
+from mofit.diagnosis.refit import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.residual_map import ResidualMap
-from mofit.diagnosis.residual_tests import Residuals
+from mofit.diagnosis.sentences import cause, left_over, nearest, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 
-Verdict = Literal["none", "effect", "group", "several", "unknown"]
+Verdict = Literal["none", "effect", "group", "several", "partly", "unknown"]
 
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
-#: p-value below which only the bound is printed.
-_SMALLEST = 1e-16
 
 
 @dataclass(frozen=True)
 class NamedEffect:
     """An effect with its probability, its size with a 90 % interval in ``unit``, and all its fitted ``parameters``.
 
-    ``present_in_calibration``: whether it seems to have been present in the calibration tests too.
+    ``family``: the cause that it shares with other laws. ``present_in_calibration``: whether it seems to have been
+    present in the calibration tests too.
     """
 
     name: str
     title: str
+    family: str
     probability: float
     size: float
     size_low: float
@@ -41,24 +42,36 @@ class NamedEffect:
 
 
 @dataclass(frozen=True)
+class NamedFamily:
+    """A cause by its family, with the probability that an effect of it, whatever its law, is present."""
+
+    name: str
+    probability: float
+
+
+@dataclass(frozen=True)
 class Conclusion:
     """The verdict, and a sentence for people.
 
     Parameters
     ----------
-    effects
+    effects, families
         Those of the indistinguishable models, the most probable first.
     indistinguishable
         The models with effects that the data cannot distinguish from the best, the best first.
     residual_share
         Share of the gap's mean square that the best model leaves.
+    probabilities
+        Of every model that was tried, in their order.
     """
 
     verdict: Verdict
     sentence: str
     effects: tuple[NamedEffect, ...]
+    families: tuple[NamedFamily, ...]
     indistinguishable: tuple[CandidateModel, ...]
     residual_share: float
+    probabilities: tuple[float, ...]
 
     @property
     def group(self) -> tuple[str, ...]:
@@ -87,6 +100,8 @@ class Finding:
         peak in the worst test, its share of the gap's mean square.
     doubtful
         Whether other models are indistinguishable from the best.
+    removed
+        Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
     """
 
     effects: Sequence[str]
@@ -95,6 +110,7 @@ class Finding:
     left_of_peak: float
     left_share: float
     doubtful: bool = False
+    removed: float = 0.0
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter."""
@@ -109,7 +125,7 @@ class Finding:
         if not self.significant or not (self.effects or unexplained):
             return "none"
         if unexplained or not self.effects:
-            return "unknown"
+            return "partly" if self.effects and self.removed >= settings.partly else "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
 
 
@@ -118,78 +134,88 @@ def conclude(
     before: ResidualMap,
     after: ResidualMap,
     settings: DiagnosisSettings,
-    reported_share: float | None = None,
+    *,
+    ignored: float = 0.0,
+    share: float | None = None,
+    removed: float = 0.0,
 ) -> Conclusion:
     """Draw the conclusion from the gap before and after the best model.
 
-    ``reported_share`` replaces the share that is left in the sentence, where the final estimates leave another than
-    the one that the verdict rests on.
+    Parameters
+    ----------
+    ignored
+        Discrepancy that was counted as noise, relative to the output's range: it is significant, and left.
+    share
+        What the final estimates leave of the gap's mean square, where the verdict rests on others.
+    removed
+        See `Finding`.
     """
-    best, residual = found.best, settings.residual_p_value
+    best = found.best
     several = len(best.effects) > 1
     limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
     equal = tuple(one for one in found.models if one.effects and one.criterion < limit)
-    first, last = found.baseline_residuals.squares(residual), found.best_residuals.squares(residual)
-    total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())
-    share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0
-    peaks = np.array(list(after.peaks.values()))
-    of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
+    left_of_peak, left_share = _left(found, before, after, settings)
     doubtful = doubtful_effects([one.effects for one in equal])
     finding = Finding(
         effects=best.effects,
         significant=found.p_value < settings.gap_p_value,
-        left_p_value=found.best_residuals.p_value,
-        left_of_peak=float(of_peak.max()),
-        left_share=share,
+        left_p_value=0.0 if ignored else found.best_residuals.p_value,
+        left_of_peak=max(left_of_peak, 2 * ignored),  # a range is about two peaks
+        left_share=share if ignored and share is not None else left_share,
         doubtful=bool(doubtful),
+        removed=removed,
     )
-    share = share if reported_share is None else reported_share
+    share = left_share if share is None else share
     verdict = finding.verdict(settings)
+    missed = verdict in ("partly", "unknown")
+    weights = probabilities_of_causes(found.models, found.baseline) if missed else probabilities(found.models)
     if verdict == "none":
-        return Conclusion("none", "No gap: the residual is noise.", (), (), share)
-    effects = _named_effects(found.models, equal)
-    titles = {effect.name: effect.title for effect in effects}
-    named = [titles[name] for name in titles if name in best.effects]
+        return Conclusion("none", "No gap: the residual is noise.", (), (), (), share, tuple(weights))
+    effects = _named_effects(found.models, equal, weights)
+    laws = [(one.family, one.title) for one in effects if one.name in best.effects]
     if verdict == "unknown":
-        near = nearest(named, share) if named else unexplained(found.best_residuals, after.unit)
-        return Conclusion("unknown", f"None of the known effects explains the gap{near}.", effects, equal, share)
-    others = [titles[name] for name in titles if name in doubtful and name not in best.effects]
-    rest = share if finding.beyond_noise(settings) and share > settings.reported_share else 0.0
-    return Conclusion(verdict, cause(named, others, rest), effects, equal, share)
+        near = nearest([title for _, title in laws], share) if laws else unexplained(found.best_residuals, after.unit)
+        sentence = f"None of the known effects explains the gap{near}."
+    else:
+        others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
+        sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
+    families = _named_families(found.models, effects, weights)
+    return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))
 
 
-def nearest(titles: Sequence[str], share: float) -> str:
-    """How much the best model leaves of a gap that it does not explain."""
-    percent, doubt = (f"{100 * share:.0f}", "") if round(100 * share) else ("less than 0.5", ", which is significant")
-    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
+def _left(
+    found: Attribution, before: ResidualMap, after: ResidualMap, settings: DiagnosisSettings
+) -> tuple[float, float]:
+    """What the best model leaves: relative to the output's peak in the worst test, and as a share of the gap."""
+    p_value = settings.residual_p_value
+    first, last = found.baseline_residuals.squares(p_value), found.best_residuals.squares(p_value)
+    total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())
+    share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0
+    peaks = np.array(list(after.peaks.values()))
+    of_peak = np.sqrt(np.maximum(np.maximum(list(after.squares.values()), last), 0.0)) / peaks
+    return float(of_peak.max()), share
 
 
-def unexplained(residuals: Residuals, unit: str) -> str:
-    """The most significant residual test of a gap that no effect comes near."""
-    test, p = residuals.tests[0], residuals.p_value
-    bound = f"= {p:.1g}" if p > _SMALLEST else f"< {_SMALLEST:g}"
-    return f": {test.description} ({test.rms:.2g} {unit} root mean square, p {bound})"
-
-
-def cause(titles: Sequence[str], others: Sequence[str], rest: float) -> str:
-    """What causes the gap, what else may, and the share that is left."""
-    several = len(titles) > 1
-    start = f"Several effects cause the gap: {' and '.join(titles)}." if several else f"{titles[0]} causes the gap."
-    named = "them" if several else "it"
-    doubt = f" These data cannot distinguish {named} from {' or '.join(others)}." if others else ""
-    caveat = f" No known effect explains {100 * rest:.0f} % of the gap's mean square." if rest else ""
-    return f"{start[0].upper()}{start[1:]}{doubt}{caveat}"
-
-
-def _named_effects(models: Sequence[CandidateModel], equal: Sequence[CandidateModel]) -> tuple[NamedEffect, ...]:
+def _named_effects(
+    models: Sequence[CandidateModel], equal: Sequence[CandidateModel], weights: FloatArray
+) -> tuple[NamedEffect, ...]:
     """The effects of the indistinguishable models, each as in the best model that has it."""
-    share = probabilities(models)
     found = []
     for name in dict.fromkeys(name for one in equal for name in one.effects):
         holder = next(one for one in equal if name in one.effects)
-        probability = sum(w for w, one in zip(share, models, strict=True) if name in one.effects)
+        probability = sum(w for w, one in zip(weights, models, strict=True) if name in one.effects)
         found.append(_named(holder, name, float(probability)))
     return tuple(sorted(found, key=lambda effect: -effect.probability))
+
+
+def _named_families(
+    models: Sequence[CandidateModel], effects: Sequence[NamedEffect], weights: FloatArray
+) -> tuple[NamedFamily, ...]:
+    found = [
+        NamedFamily(name, float(sum(w for w, one in zip(weights, models, strict=True) if name in one.families)))
+        for name in dict.fromkeys(effect.family for effect in effects)
+    ]
+    return tuple(sorted(found, key=lambda family: -family.probability))
 
 
 def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
@@ -206,6 +232,7 @@ def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
     return NamedEffect(
         name=name,
         title=one.effect.title or name,
+        family=one.effect.cause,
         probability=probability,
         size=size,
         size_low=size - _Z90 * sd,

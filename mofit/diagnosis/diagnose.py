@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mofit.data import Campaign
-from mofit.diagnosis.candidates import Candidate, choose_effects, prepare, ranged, rescaled
+from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.cross_validation import cross_validate
-from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges, fit_baseline
+from mofit.diagnosis.cross_validation import Shrinkage, cross_validate
+from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
 from mofit.diagnosis.integration import SimulatorCache
-from mofit.diagnosis.model_search import Attribution, attribute, with_final_estimates
+from mofit.diagnosis.main_cause import Case, investigate, main_causes, stands_out
+from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
-from mofit.diagnosis.refit import CandidateModel, share_left
-from mofit.diagnosis.residual_map import ResidualMap, homogeneity, residual_map
-from mofit.diagnosis.residual_tests import residual_tests
+from mofit.diagnosis.refit import share_left
+from mofit.diagnosis.residual_map import homogeneity
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
@@ -31,7 +31,6 @@ from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
 from mofit.simulation.ranges import data_scales
 
-_TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
 _NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it faster"
 
 
@@ -88,21 +87,11 @@ def diagnose(
     progress("baseline", 0, 1, "the model without effects")
     baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
     observed = baseline.hypothesis.observed
-    case, ignored = _investigate(baseline, chosen, rules, progress), 0.0
-    if case.conclusion.verdict == "unknown" and case.before.largest_of_peak > rules.coarse:
-        case, ignored = _relaxed(case, observed, chosen, settings.seed, progress)
-    found, conclusion, candidates = case.found, case.conclusion, case.candidates
-    if ignored > 0 or found.best_residuals.p_value < rules.residual_p_value:
-        remainder = float(np.hypot(ignored, case.after.relative))
-        found = with_final_estimates(found, observed, remainder, conclusion.indistinguishable)
-        share = share_left(found.best.fitted, found.baseline)
-        conclusion = conclude(found, case.before, case.after, case.settings, share)
-        candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
-    reason = _why_no_shrinkage(conclusion, found)
-    progress("held-out tests", 0, 1, "")
-    shrinkage = None if reason else cross_validate(found, candidates, settings.seed)
+    first = investigate(baseline, chosen, rules, progress)
+    case, ending = _graded(first, observed, chosen, settings.seed, progress)
+    found, conclusion = ending.found, ending.conclusion
     # models that do not explain the gap need no discrimination
-    undecided = () if conclusion.verdict == "unknown" else case.undecided
+    undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
     return Diagnosis(
         campaign=campaign.title,
         source=campaign.source,
@@ -111,8 +100,8 @@ def diagnose(
         before=case.before,
         after=case.after,
         homogeneity=tuple(homogeneity(case.found.baseline)),
-        shrinkage=shrinkage,
-        shrinkage_reason=reason or ("" if shrinkage else _NOT_HELD_OUT),
+        shrinkage=ending.shrinkage,
+        shrinkage_reason=ending.reason,
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=_nrmsd(found.baseline),
         nrmsd_after=_nrmsd(found.best.fitted),
@@ -125,82 +114,47 @@ def diagnose(
 
 
 @dataclass(frozen=True)
-class _Case:
-    """One pass through score tests, refits and conclusion."""
+class _Ending:
+    """The final estimates of a case, how far the gap shrinks on tests left out (or why not), and what follows."""
 
-    settings: DiagnosisSettings
-    candidates: Sequence[Candidate]
-    stiff: Mapping[str, str]
     found: Attribution
-    before: ResidualMap
-    after: ResidualMap
     conclusion: Conclusion
-
-    @property
-    def undecided(self) -> tuple[CandidateModel, ...]:
-        """Models for a next experiment: where some are indistinguishable, those, and others that are not ruled out.
-
-        One that has all the effects of an indistinguishable one, and more, cannot be discriminated from it. With the
-        effect present in the calibration tests or not: both count.
-        """
-        equal, limit = self.conclusion.indistinguishable, self.found.best.criterion + self.settings.possible
-        if len(equal) < 2:
-            return equal
-        known = {one.effects for one in equal} | {()}
-        others = [one for one in self.found.models if one.effects not in known and one.criterion < limit]
-        others = [one for one in others if not any({*few.effects} < {*one.effects} for few in equal)]
-        ways = [one.alternative for one in (*equal, *others) if one.alternative is not None]
-        return (*equal, *others, *(one for one in ways if one.criterion < limit))
-
-    def with_single_effects(self, settings: DiagnosisSettings) -> _Case:
-        """The same with models of at most one effect."""
-        single = tuple(one for one in self.found.models if len(one.effects) < 2)
-        found = replace(self.found, models=single, best_residuals=residual_tests(single[0].fitted))
-        after = residual_map(single[0].fitted)
-        conclusion = conclude(found, self.before, after, settings)
-        return replace(self, settings=settings, found=found, after=after, conclusion=conclusion)
-
-    @property
-    def dominated(self) -> bool:
-        """Whether one effect is named and any other alone leaves several times as much of the gap's squares."""
-        left: dict[tuple[str, ...], float] = {
-            one.effects: sum(residual_map(one.fitted).squares.values())
-            for one in self.found.models
-            if len(one.effects) == 1
-        }
-        best = left.pop(self.found.best.effects, np.inf)
-        next_best = min(left.values(), default=np.inf)
-        return self.conclusion.verdict == "effect" and self.settings.coarse_factor * best < next_best
+    shrinkage: Shrinkage | None
+    reason: str
 
 
-def _investigate(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> _Case:
-    prepared = []
-    for number, effect in enumerate(effects):
-        progress("score test", number, len(effects), effect.name)
-        prepared.append(prepare(baseline, effect))
-    candidates = [candidate for candidate in prepared if candidate.integrates]
-    stiff = {candidate.name: _TOO_STIFF for candidate in prepared if not candidate.integrates}
-    found = attribute(baseline, candidates, settings, progress)
-    before, after = residual_map(baseline), residual_map(found.best.fitted)
-    return _Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -> _Ending:
+    found, candidates, share = case.found, case.candidates, None
+    if case.ignored or found.best_residuals.p_value < case.settings.residual_p_value:
+        remainder = float(np.hypot(case.ignored, case.after.relative))
+        # beside a main cause all others are compared by what they leave
+        reported = found.models if case.is_main else case.conclusion.indistinguishable
+        found = with_final_estimates(found, observed, remainder, reported)
+        share = share_left(found.best.fitted, found.baseline)
+        candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
+    reason = _why_no_shrinkage(case, len(observed.problem.tests))
+    progress("held-out tests", 0, 1, "")
+    shrinkage = None if reason else cross_validate(found, candidates, seed)
+    removed = 0.0
+    if case.is_main and stands_out(found, case.settings):
+        # of one test alone, what the fit to it leaves must do
+        removed = shrinkage.refitted if shrinkage else 1 - share_left(found.best.fitted, found.baseline)
+    before, after, rules = case.before, case.after, case.settings
+    conclusion = conclude(found, before, after, rules, ignored=case.ignored, share=share, removed=removed)
+    reason = reason or ("" if shrinkage else _NOT_HELD_OUT)
+    return _Ending(found, conclusion, shrinkage, reason)
 
 
-def _relaxed(
-    case: _Case, observed: WhitenedData, effects: Sequence[Effect], seed: int, progress: Progress
-) -> tuple[_Case, float]:
-    """The relaxed criterion: one effect that explains most of a large gap, judged by the noise or by more than that.
-
-    Returns the case unchanged where there is none, and the discrepancy that was counted as noise, relative to the
-    output's range.
-    """
-    settings = case.settings.relaxed(float(case.before.largest_of_peak))
-    single = case.with_single_effects(settings)
-    if single.dominated:
-        return single, 0.0
-    ignored = settings.resolution * case.before.relative
-    noisy, here = with_discrepancy(observed, ignored), single.found.baseline.minimum.point
-    again = _investigate(fit_baseline(noisy, here, seed), effects, settings, progress)
-    return (again, ignored) if again.dominated else (case, 0.0)
+def _graded(
+    first: Case, observed: WhitenedData, effects: Sequence[Effect], seed: int, progress: Progress
+) -> tuple[Case, _Ending]:
+    """The case with its ending; where it explains the gap by nothing, that of a main cause if there is one."""
+    if first.conclusion.verdict == "unknown":
+        for case in main_causes(first, effects, seed, progress):
+            ending = _ending(case, observed, seed, progress)
+            if ending.conclusion.verdict != "unknown":
+                return case, ending
+    return first, _ending(first, observed, seed, progress)
 
 
 def _at_ends(found: Attribution) -> tuple[str, ...]:
@@ -215,15 +169,13 @@ def _at_ends(found: Attribution) -> tuple[str, ...]:
     )
 
 
-def _why_no_shrinkage(conclusion: Conclusion, found: Attribution) -> str:
+def _why_no_shrinkage(case: Case, tests: int) -> str:
     """Why the shrinkage is not reported; empty if it is."""
-    if conclusion.verdict == "none":
+    if case.conclusion.verdict == "none":
         return "there is no gap"
-    if conclusion.verdict == "unknown":
+    if case.conclusion.verdict == "unknown" and not case.is_main:
         return "none of the known effects explains the gap"
-    if len(found.baseline.hypothesis.observed.problem.tests) < 2:
-        return "there is only one test, so none can be left out"
-    return ""
+    return "there is only one test, so none can be left out" if tests < 2 else ""
 
 
 def _nrmsd(fitted: Fitted) -> dict[str, float]:

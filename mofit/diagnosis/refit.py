@@ -22,6 +22,8 @@ _GRID_STARTS = 3
 #: Starts along an effect that moves a condition of the tests: one per turn of the wheel; and how far they reach to each
 #: side, in standard deviations of the effect's size.
 _CONDITION_STARTS, _CONDITION_REACH = 13, 3.0
+#: Least share of the gap that a law leaves: none is right to a thousandth where none is right.
+_LEAST_LEFT = 1e-3
 #: Most rounds of refitting the calibration stages and the model in turn, and the change of the log posterior at which
 #: they end.
 _ROUNDS, _TOLERANCE = 10, 0.1
@@ -58,6 +60,11 @@ class CandidateModel:
         """Names of the effects, sorted."""
         return tuple(sorted(effect.name for effect in self.fitted.hypothesis.effects))
 
+    @property
+    def families(self) -> frozenset[str]:
+        """Families of the effects."""
+        return frozenset(effect.cause for effect in self.fitted.hypothesis.effects)
+
 
 def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     """A fitted hypothesis with its criterion; it was selected among so many candidates."""
@@ -73,6 +80,24 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
 def probabilities(models: Sequence[CandidateModel]) -> FloatArray:
     """Probability of every model among these, from the criterion: exp(-EBIC / 2), normalised."""
     criteria = np.array([one.criterion for one in models])
+    raw = np.exp(-0.5 * (criteria - criteria.min()))
+    return np.asarray(raw / raw.sum())
+
+
+def probabilities_of_causes(models: Sequence[CandidateModel], baseline: Fitted) -> FloatArray:
+    r"""Probability of every model among these where every law misses: :math:`\exp(-C / 2)`, normalised.
+
+    .. math:: C = t \log g^2 + q \log t
+
+    with the share :math:`g^2` of the gap that the model leaves, q parameters of its effects, and t tests. What a model
+    leaves counts as noise of unknown level, so no law is certain because another one misses by more than the noise of
+    the records. A law misses throughout a test alike: a test is one observation. The model without effects stands for
+    the unknown ones.
+    """
+    tests = len(baseline.hypothesis.observed.problem.tests)
+    left = np.array([share_left(one.fitted, baseline) for one in models])
+    extra = [sum(len(effect.parameters) for effect in one.fitted.hypothesis.effects) for one in models]
+    criteria = tests * np.log(np.maximum(left, _LEAST_LEFT)) + np.array(extra) * np.log(tests)
     raw = np.exp(-0.5 * (criteria - criteria.min()))
     return np.asarray(raw / raw.sum())
 
@@ -202,7 +227,7 @@ def share_left(best: Fitted, baseline: Fitted) -> float:
     def gap(fitted: Fitted) -> float:
         observed = fitted.hypothesis.observed
         told = observed.told(fitted.residual[: len(observed.measured)])
-        squares = (told**2 - observed.noise_share * observed.visible) * observed.variance
+        squares = (told**2 - observed.noise_share * observed.visible) * observed.told_variance
         return float(squares[observed.explainable].sum())
 
     left, whole = gap(best), gap(baseline)

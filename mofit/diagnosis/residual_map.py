@@ -17,6 +17,8 @@ from mofit.simulation import first_input
 
 #: Cells of the map over input and rate, each way, and intervals of a record in the map over time.
 _CELLS, _INTERVALS = 12, 10
+#: Share of the gap from which one place holds most of it.
+_MOST = 0.5
 #: Standard deviation of a uniform prior over the box.
 _PRIOR_SD = 12**-0.5
 #: Standard deviation, relative to that, from which a single test says nothing of a parameter.
@@ -48,6 +50,23 @@ class ResidualEntry:
     of_peak: float
     share: float
     p_value: float
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where more than half of the gap's mean square lies, as narrow as that can be said; empty: in all tests, classes.
+
+    Parameters
+    ----------
+    test, lines
+        The test, and the class of spectral lines.
+    share
+        Of the squares of the whole gap that lie there.
+    """
+
+    test: str
+    lines: str
+    share: float
 
 
 @dataclass(frozen=True)
@@ -103,6 +122,19 @@ class ResidualMap:
     def largest_of_peak(self) -> float:
         """Largest gap of a test relative to its output's peak."""
         return max(np.sqrt(max(square, 0.0)) / self.peaks[test] for test, square in self.squares.items())
+
+    @property
+    def location(self) -> Location | None:
+        """Where most of the gap lies: a class of one test, else a class, else a test; None where it lies all over."""
+        places = [[(one.test, one.lines), ("", one.lines), (one.test, "")] for one in self.entries]
+        for kind in range(3):
+            shares: dict[tuple[str, str], float] = {}
+            for entry, place in zip(self.entries, places, strict=True):
+                shares[place[kind]] = shares.get(place[kind], 0.0) + entry.share
+            where, share = max(shares.items(), key=lambda found: found[1])
+            if share > _MOST:
+                return Location(*where, share)
+        return None
 
     def significant(self, p_value: float) -> list[ResidualEntry]:
         """Entries below a p-value, corrected for their number."""

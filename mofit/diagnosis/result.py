@@ -12,7 +12,6 @@ from mofit.diagnosis.conclusion import Conclusion
 from mofit.diagnosis.cross_validation import Shrinkage
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
-from mofit.diagnosis.refit import probabilities
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
 from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
@@ -93,10 +92,11 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": conclusion.verdict,
         "sentence": conclusion.sentence,
         "effects": [{k: v for k, v in asdict(effect).items() if k != "title"} for effect in conclusion.effects],
+        "families": [asdict(family) for family in conclusion.families],
         "group": list(conclusion.group),
         "candidate_models": [list(one.effects) for one in conclusion.indistinguishable],
         "where": _where(diagnosis.before, found.baseline_residuals),
-        "residual": {**_where(diagnosis.after, found.best_residuals), "share": conclusion.residual_share},
+        "residual": _where(diagnosis.after, found.best_residuals) | _left(diagnosis),
         "shrinkage": None if shrinkage is None else {key: getattr(shrinkage, key) for key in shares},
         "shrinkage_reason": diagnosis.shrinkage_reason,
         "next_experiment": None if following is None else asdict(following),
@@ -136,11 +136,21 @@ def _where(located: ResidualMap, residuals: Residuals) -> dict[str, Any]:
     }
 
 
+def _left(diagnosis: Diagnosis) -> dict[str, Any]:
+    """What the best model leaves of the gap, and where most of that lies."""
+    location = diagnosis.after.location
+    return {
+        "share": diagnosis.conclusion.residual_share,
+        "location": None if location is None else asdict(location),
+    }
+
+
 def _candidate(found: Attribution, one: ScoreTest) -> Mapping[str, Any]:
     """The score test of one effect, and what leaving it out would do to the model's parameters."""
     names, slope = found.baseline.hypothesis.space.names, found.baseline.derivative
     return {
         "name": one.name,
+        "family": one.effect.cause,
         "statistic": one.statistic,
         "p_value": one.p_holm,
         "expected_size": one.size.tolist(),
@@ -172,7 +182,7 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
                 "probability": float(probability),
                 "parameters": one.fitted.values,
             }
-            for one, probability in zip(found.models, probabilities(found.models), strict=True)
+            for one, probability in zip(found.models, diagnosis.conclusion.probabilities, strict=True)
         ],
         "titles": {one.name: one.effect.title or one.name for one in found.score_tests},
         "model_parameters": {

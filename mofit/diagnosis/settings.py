@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -75,24 +75,20 @@ class DiagnosisSettings:
     doubt: float = 2.0
     """Standard deviations of the noise's squares by which one effect must exceed its share; a third effect is rarer."""
     residual_share: float = 0.02
-    """Share of the gap's squares that must be left before the verdict is "unknown": with enough real data everything
-    is significant."""
+    """Share of the gap's squares that one effect may leave and explain it: with enough real data everything is
+    significant."""
     residual_share_of_several: float = 0.002
     """The same where one effect was not enough: what several effects must bend to follow is not explained yet."""
     residual_of_peak: float = 2e-4
     """Root mean square, relative to the output's peak, that must be left as well."""
-    reported_share: float = 0.02
-    """Share from which a significant remainder is reported beside the effect."""
-    coarse: float = 0.02
-    """Gap relative to the output's peak from which the relaxed criterion is tried if nothing explains the gap: such a
-    model misses more than one thing, and the main one is worth a name."""
+    partly: float = 0.6
+    """Share of the gap's squares that a cause must explain on tests left out where it leaves more than the limits: the
+    right cause with another law leaves a third at most, the nearest of wrong causes two thirds."""
+    dominance: float = 2.0
+    """Every model without one of these causes must leave this many times as much."""
     resolution: float = 0.1
-    """Relaxed criterion: a discrepancy of this share of the gap counts as noise,"""
-    coarse_share: float = 0.4
-    """the best single effect may leave this share of the gap's squares (never more than the gap's share of the peak:
-    the smaller the gap, the more must be explained),"""
-    coarse_factor: float = 2.0
-    """and any other must leave this many times as much."""
+    """Where no cause stands out, a discrepancy of this share of the gap counts as noise: the lines with the least noise
+    may hide the main cause."""
     indistinguishable: float = 4.6
     """Difference of the criterion below which models are indistinguishable: less than ten times less probable."""
     indistinguishable_of_several: float = 1.4
@@ -102,8 +98,3 @@ class DiagnosisSettings:
     """Difference up to which a model is not ruled out (a hundred times less probable): the next experiment must
     distinguish these as well, or they come back with it."""
     next_experiment: NextExperimentSettings = field(default_factory=NextExperimentSettings)
-
-    def relaxed(self, gap: float) -> DiagnosisSettings:
-        """The relaxed criterion for a large gap (relative to the output's peak): one effect, a remainder allowed."""
-        share = min(self.coarse_share, gap)
-        return replace(self, most_effects=1, residual_share=share, residual_share_of_several=share)

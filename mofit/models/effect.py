@@ -27,6 +27,9 @@ class Effect(ABC):
 
     Attributes
     ----------
+    title, family
+        Its own law, and the cause that it shares with other laws, in the field's words; an effect that states no family
+        is one by itself.
     on
         Names of possible targets; the effect acts on the first that the model has. ``"output"`` means the model's
         first output.
@@ -44,6 +47,7 @@ class Effect(ABC):
 
     name: str
     title: str = ""
+    family: str = ""
     on: tuple[str, ...]
     needs: tuple[str, ...] = ()
     parameters: tuple[Parameter, ...] = ()
@@ -55,6 +59,11 @@ class Effect(ABC):
     @abstractmethod
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """The quantity with the effect, from its ``value`` without."""
+
+    @property
+    def cause(self) -> str:
+        """Its family, or itself where it states none."""
+        return self.family or self.title or self.name
 
     @property
     def size(self) -> tuple[str, ...]:

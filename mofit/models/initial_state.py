@@ -22,6 +22,7 @@ class InitialState(Effect):
     Its range follows from the data where they tell the scale of the state (`mofit.simulation.ranges.data_scales`).
     """
 
+    family = "initial state"
     on = ("output",)
     candidate = False
 

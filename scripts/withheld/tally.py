@@ -24,7 +24,10 @@ RULED_OUT = 10.0
 
 CASES = ("none", "effect", "variant", "unmodelled", "pair")
 #: verdicts beside a single name
-OTHERS = ("group with it", "group without", "several, all right", "several with it", "several without", "unknown")
+OTHERS = (
+    "group with it", "group without", "several, all right", "several with it", "several without", "partly with it",
+    "partly without", "unknown",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,15 @@ class Pairing:
         parts += list(self.result.get("group") or ())
         parts += [name for names in self.result.get("candidate_models") or () for name in names]
         return tuple(dict.fromkeys(parts))
+
+    @property
+    def right(self) -> bool:
+        """Whether all true effects are among those named; where the law is said to miss, their families."""
+        if set(self.true) <= set(self.named):
+            return True
+        of = {one["name"]: one.get("family") or one["name"] for one in self.result.get("candidates") or ()}
+        families = {effect.get("family") for effect in self.result["effects"]}
+        return self.verdict == "partly" and {of.get(name, name) for name in self.true} <= families
 
     @property
     def best(self) -> tuple[str, ...]:
@@ -136,6 +148,7 @@ def figures(
         "unmodelled": {
             "reported_unknown": share(p.verdict == "unknown" for p in clear),
             "confidently_wrong": share(bool(p.named) for p in clear),
+            "reported_partly": share(p.verdict == "partly" for p in clear),
             "reported_none": share(p.verdict == "none" for p in clear),
         },
         "pairs": _both(by_case["pair"]),
@@ -187,9 +200,11 @@ def _row(p: Pairing) -> str:
 
 
 def _column(p: Pairing) -> str:
-    inside = bool(p.true) and (set(p.true) <= set(p.named) if len(p.true) > 1 else p.true[0] in p.named)
+    inside = bool(p.true) and p.right
     if p.verdict == "group":
         return "group with it" if inside else "group without"
+    if p.verdict == "partly":
+        return "partly with it" if inside else "partly without"
     if p.verdict == "several":
         return "several, all right" if p.exact else "several with it" if inside else "several without"
     return p.named[0] if p.verdict == "effect" else p.verdict
@@ -199,7 +214,8 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
     return {
         "exact": share(p.exact for p in found),
         "first": share(p.first for p in found),
-        "in_set": share(set(p.true) <= set(p.named) for p in found),
+        "in_set": share(p.right for p in found),
+        "reported_partly": share(p.verdict == "partly" for p in found),
         "reported_none": share(p.verdict == "none" for p in found),
         "reported_unknown": share(p.verdict == "unknown" for p in found),
     }
@@ -207,7 +223,7 @@ def _naming(found: Sequence[Pairing]) -> dict[str, Any]:
 
 def _both(found: Sequence[Pairing]) -> dict[str, Any]:
     return {
-        "both_named": share(set(p.true) <= set(p.named) for p in found),
+        "both_named": share(p.right for p in found),
         "precision": share(name in p.true for p in found for name in p.named),
         "both_first": share(set(p.true) == set(p.best) for p in found),
     }

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from mofit.diagnosis.conclusion import Finding, cause, doubtful_effects, nearest, unexplained
+from mofit.diagnosis.conclusion import Finding, doubtful_effects
+from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.residual_tests import Residuals, ResidualTest
+from mofit.diagnosis.sentences import cause, left_over, nearest, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 
 
@@ -40,12 +42,22 @@ def test_indistinguishable_models_are_a_group():
 
 
 @pytest.mark.parametrize(
-    ("gap", "share", "verdict"),
-    [(0.03, 0.08, "unknown"), (0.06, 0.03, "effect"), (0.5, 0.3, "effect"), (0.9, 0.5, "unknown")],
+    ("effects", "share", "removed", "verdict"),
+    [
+        (("dry_friction",), 0.2, 0.8, "partly"),
+        (("dry_friction",), 0.2, 0.59, "unknown"),
+        (("dry_friction",), 0.2, 0.0, "unknown"),
+        (("dry_friction",), 0.01, 0.99, "effect"),
+        (("drift", "second_branch"), 0.1, 0.9, "partly"),
+        ((), 1.0, 0.0, "unknown"),
+    ],
 )
-def test_of_a_smaller_gap_more_must_be_explained(gap, share, verdict):
-    relaxed = DiagnosisSettings().relaxed(gap)
-    assert Finding(("dry_friction",), True, 1e-9, 0.01, share).verdict(relaxed) == verdict
+def test_a_cause_that_explains_most_on_tests_left_out_is_named_partly(effects, share, removed, verdict):
+    assert Finding(effects, True, 1e-9, 0.01, share, removed=removed).verdict(DiagnosisSettings()) == verdict
+
+
+def test_what_is_left_but_hidden_by_the_noise_is_no_part():
+    assert Finding(("dry_friction",), True, 0.1, 0.01, 0.2, removed=0.8).verdict(DiagnosisSettings()) == "effect"
 
 
 def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():
@@ -60,10 +72,31 @@ def test_sentences_say_what_is_left():
     little = nearest(["payne"], 0.0)
     assert little == ". The nearest, payne, leaves less than 0.5 % of the gap's mean square, which is significant"
     assert nearest(["drift", "payne"], 0.3) == ". The nearest, drift with payne, leaves 30 % of the gap's mean square"
-    assert (
-        cause(["dry friction"], ["drift"], 0.0)
-        == "Dry friction causes the gap. These data cannot distinguish it from drift."
+    assert left_over(0.18, Location("sine_3Hz", "odd", 0.7)) == (
+        "18 % of its mean square is left, most of it on odd harmonics of sine_3Hz"
     )
-    assert cause(["delay", "drift"], [], 0.05) == (
-        "Several effects cause the gap: delay and drift. No known effect explains 5 % of the gap's mean square."
+    assert left_over(0.18, Location("", "dc", 0.7)).endswith("most of it on the constant")
+    assert left_over(0.18, Location("sine_3Hz", "", 0.7)).endswith("most of it in sine_3Hz")
+    assert left_over(0.18, None) == "18 % of its mean square is left"
+
+
+DAHL, DRIFT = ("friction", "dry friction (Dahl)"), ("drift", "drift over the campaign")
+
+
+def test_sentences_name_the_family_first():
+    assert cause([DAHL]) == "Friction causes the gap (best law: dry friction (Dahl))."
+    assert cause([("play", "play")]) == "Play causes the gap."
+    assert cause([DAHL], left="18 % of its mean square is left") == (
+        "Friction causes most of the gap (best law: dry friction (Dahl)); 18 % of its mean square is left."
+    )
+    assert cause([("play", "play"), DRIFT]) == (
+        "Several effects cause the gap: play and drift (best law: drift over the campaign)."
+    )
+
+
+def test_a_family_that_all_candidates_share_is_named_without_doubt():
+    other = ("friction", "Coulomb friction")
+    assert cause([DAHL], [other]).endswith("These data cannot distinguish this law from Coulomb friction.")
+    assert cause([DAHL], [other, DRIFT]).endswith(
+        "These data cannot distinguish it from Coulomb friction or drift over the campaign."
     )

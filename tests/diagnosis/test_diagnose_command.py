@@ -46,9 +46,16 @@ def test_command_prints_json_and_writes_a_page(campaign_file: Path, tmp_path: Pa
     found = json.loads(capsys.readouterr().out)
     assert found["verdict"] == "effect"
     assert [effect["name"] for effect in found["effects"]] == ["dry_friction"]
-    assert "own_effect" in {one["name"] for one in found["candidates"]}
+    assert [family["name"] for family in found["families"]] == ["friction"]
+    families = {one["name"]: one["family"] for one in found["candidates"]}
+    # one that states no family is one by its title
+    assert families["own_effect"] == "an effect of my own"
     page = (out / "diagnosis.html").read_text()
-    assert page.index("Dry friction (Dahl) causes the gap") < page.index('id="where"') < page.index('id="which"')
+    assert (
+        page.index("Friction causes the gap (best law: dry friction (Dahl))")
+        < page.index('id="where"')
+        < page.index('id="which"')
+    )
     assert not re.findall(r'(?:src|href)="(?!data:|#)', page)
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "effect"
     # the folder is there now

@@ -119,6 +119,26 @@ def test_two_at_once():
     assert found["pairs_distinguishable"]["both_named"]["count"] == 3
 
 
+def test_partly_is_right_if_the_family_is():
+    law = {"candidates": [{"name": "delay", "family": "lag"}, {"name": "sensor_lowpass", "family": "lag"}]}
+    lag = {"effects": [{"name": "sensor_lowpass", "family": "lag", "size": 1.0}]}
+    rows = pairs(
+        (hidden("variant", "delay"), said("partly", "delay")),
+        (hidden("variant", "delay"), said("partly", "sensor_lowpass", **law) | lag),
+        (hidden("variant", "delay"), said("effect", "sensor_lowpass", **law) | lag),
+        (hidden("variant", "delay"), said("partly", "drift")),
+        (hidden("unmodelled", "gear_mesh", beyond=200.0), said("partly", "drift")),
+    )
+    found = figures(rows)
+    assert (found["variants"]["in_set"]["hits"], found["variants"]["in_set"]["count"]) == (2, 4)
+    assert found["variants"]["reported_partly"]["hits"] == 3
+    assert found["variants"]["exact"]["hits"] == 0
+    assert found["unmodelled"]["confidently_wrong"]["hits"] == found["unmodelled"]["reported_partly"]["hits"] == 1
+    _, across, counts = confusion(rows)
+    assert counts[:, across.index("partly with it")].sum() == 2
+    assert counts[:, across.index("partly without")].sum() == 2
+
+
 def test_shrinkage_and_size_of_what_was_named_exactly():
     shrinkage = {"predicted": 0.9, "refitted": 0.94, "low": 0.93, "high": 0.97}
     entry = hidden("effect", "delay", size=2.0)

@@ -48,6 +48,7 @@ def _named_table(data: Mapping[str, Any]) -> Table:
     return Table(
         [
             Column("Effect", [_title(data, one["name"]) for one in effects]),
+            words("Family", [one["family"] for one in effects]),
             Column("Probability", [percent(one["probability"]) for one in effects]),
             Column("Size", [with_sd(one["size"], sd) for one, sd in zip(effects, sds, strict=True)]),
             Column("90 % interval", list(map(interval, lows, highs, sds))),

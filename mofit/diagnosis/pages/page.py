@@ -20,7 +20,7 @@ from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band
 from mofit.report.toolkit.formatting import THIN, Unit, display_unit, number, percent
 from mofit.report.toolkit.page import draw_sections, write_json, write_page
 
-_GRADES = {"none": "good", "effect": "good", "group": "bad", "several": "good", "unknown": "bad"}
+_GRADES = {"none": "good", "effect": "good", "group": "bad", "several": "good", "partly": "fair", "unknown": "bad"}
 #: Panels in a row, and most records that are drawn.
 _COLUMNS, _MOST = 4, 16
 _LAYOUT: Any = {"margin": (0.75, 0.5, 0.1), "gap": (0.5, 0.85)}
@@ -169,7 +169,7 @@ def closing_section(data: Mapping[str, Any]) -> Section:
             "Refits": "The promising effects are fitted in full, alone and together. An extended Bayesian information "
             "criterion compares the models. It charges for every parameter and for the selection.",
             "Residual tests": "The residual of the best model is tested class by class and line by line. If much more "
-            "than noise is left, none of the known effects explains the gap.",
+            "than noise is left, the effect explains the gap in part, or none of the known effects does.",
             "Held-out tests": "Each test is predicted by fits to the others, without and with the effect.",
             "Noise floor (NRMSD)": f"{floors}.",
             "Processor time": f"{data['seconds']:.1f} s.",

@@ -17,6 +17,7 @@ class Speed(Scaling):
 
     name = "speed"
     title = "speed error"
+    family = "speed error"
     on = ("longitudinal_velocity",)
     parameters = (Parameter("e_v", "1", -0.3, 0.3, 0.03, description="relative error of the speed", neutral=0.0),)
 
@@ -29,6 +30,7 @@ class CorneringStiffness(Scaling):
 
     name = "cornering_stiffness"
     title = "error of the cornering stiffness"
+    family = "calibration error"
     on = ("dF0",)
     parameters = (
         Parameter("e_alpha", "1", -0.5, 0.5, 0.05, description="relative error of the initial slope", neutral=0.0),
@@ -43,6 +45,7 @@ class FrictionLevel(Scaling):
 
     name = "friction_level"
     title = "error of the friction level"
+    family = "calibration error"
     on = ("F_M",)
     parameters = (
         Parameter("e_mu", "1", -0.5, 0.5, 0.08, description="relative error of the maximum force", neutral=0.0),
@@ -57,6 +60,7 @@ class CarcassStiffness(Scaling):
 
     name = "carcass_stiffness"
     title = "error of the carcass stiffness"
+    family = "calibration error"
     on = ("c_y",)
     parameters = (
         Parameter("e_y", "1", -0.5, 0.5, 0.06, description="relative error of the carcass stiffness", neutral=0.0),
@@ -71,6 +75,7 @@ class Drift(Scaling):
 
     name = "drift"
     title = "drift over the campaign"
+    family = "drift"
     on = ("output",)
     # -4 % in a quarter of an hour
     parameters = (
@@ -101,6 +106,7 @@ class WarmUp(Scaling):
 
     name = "warm_up"
     title = "warm-up within a run"
+    family = "drift"
     on = ("output",)
     parameters = (
         Parameter("w_t", "1", -0.5, 0.5, 0.02, description="relative excess of gain at the first sample", neutral=0.0),

@@ -37,6 +37,7 @@ class DryFriction(Effect):
 
     name = "dry_friction"
     title = "dry friction (Dahl)"
+    family = "friction"
     on = ("deflection_rate", "damper_force")
     parameters = (
         Parameter("F_d", "N", 0.0, 1e3, 30.0, description="friction force", neutral=0.0, scales=FORCE),
@@ -72,6 +73,7 @@ class BoucWen(Effect):
 
     name = "bouc_wen"
     title = "hysteresis (Bouc–Wen)"
+    family = "friction"
     on = ("deflection_rate", "damper_force")
     parameters = (
         Parameter("F_w", "N", 0.0, 1e3, 30.0, description="yield force of the hysteresis", neutral=0.0, scales=FORCE),
@@ -96,6 +98,7 @@ class CoulombFriction(Addition):
 
     name = "coulomb_friction"
     title = "Coulomb friction"
+    family = "friction"
     on = ("damper_force",)
     needs = ("velocity",)
     parameters = (
@@ -129,6 +132,7 @@ class QuadraticDamping(Effect):
 
     name = "quadratic_damping"
     title = "quadratic damping"
+    family = "non-linear damping"
     on = ("deflection_rate", "damper_force")
     parameters = (
         Parameter(
@@ -167,6 +171,7 @@ class Backlash(Effect):
 
     name = "backlash"
     title = "play"
+    family = "play"
     on = ("slip_angle", "displacement")
     # 0.03 degrees; half a millimetre
     parameters = (

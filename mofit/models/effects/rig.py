@@ -23,6 +23,7 @@ class WheelOrder(Addition):
 
     name = "wheel_order"
     title = "force variation of the wheel"
+    family = "non-uniformity of rotating parts"
     on = ("lateral_force",)
     needs = ("longitudinal_velocity",)
     parameters = (
@@ -54,6 +55,7 @@ class DrumRunout(Scaling):
 
     name = "drum_runout"
     title = "run-out of the drum"
+    family = "non-uniformity of rotating parts"
     on = ("slip_stiffness",)
     needs = ("longitudinal_velocity",)
     parameters = (
@@ -77,6 +79,7 @@ class ForceGain(Scaling):
 
     name = "force_gain"
     title = "force gain"
+    family = "sensor error"
     on = ("lateral_force", "force")
     parameters = (Parameter("g_F", "1", -0.2, 0.2, 0.02, description="gain error of the force", neutral=0.0),)
 
@@ -86,6 +89,7 @@ class ForceOffset(Addition):
 
     name = "force_offset"
     title = "force offset"
+    family = "sensor error"
     on = ("lateral_force", "force")
     parameters = (
         Parameter(
@@ -99,6 +103,7 @@ class SlipOffset(Addition):
 
     name = "slip_offset"
     title = "slip-angle offset"
+    family = "sensor error"
     on = ("slip_angle",)
     parameters = (Parameter("alpha_0", "rad", -0.02, 0.02, 0.0014, description="slip-angle offset", neutral=0.0),)
 
@@ -112,6 +117,7 @@ class CrossTalk(Addition):
 
     name = "cross_talk"
     title = "cross-talk of the load"
+    family = "sensor error"
     on = ("lateral_force",)
     parameters = (Parameter("chi_z", "1", -0.1, 0.1, 0.005, description="cross-talk of the load", neutral=0.0),)
     conditions = (Condition("vertical_force", "N", None, "vertical load"),)
@@ -130,6 +136,7 @@ class Delay(Effect):
 
     name = "delay"
     title = "delay of the measurement"
+    family = "lag or delay"
     on = ("output",)
     parameters = (
         Parameter("tau_d", "s", -0.02, 0.05, 0.004, description="delay of the output", neutral=0.0, scales=DURATION),
@@ -151,6 +158,7 @@ class SensorLowpass(Effect):
 
     name = "sensor_lowpass"
     title = "low-pass of the sensor"
+    family = "lag or delay"
     on = ("output",)
     parameters = (
         Parameter("T_f", "s", 0.0, 0.1, 0.005, description="time constant of the filter", neutral=0.0, scales=DURATION),

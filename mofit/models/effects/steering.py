@@ -27,6 +27,7 @@ class ContactPatchLag(Effect):
 
     name = "contact_patch_lag"
     title = "lag of the contact patch"
+    family = "lag or delay"
     on = ("slip_angle",)
     needs = ("longitudinal_velocity", "fictitious_velocity")
     parameters = (Parameter("sigma_c", "m", 0.0, 0.5, 0.05, description="relaxation length of the patch", neutral=0.0),)
@@ -49,6 +50,7 @@ class TurnSlip(Effect):
 
     name = "turn_slip"
     title = "turn slip"
+    family = "spin slip"
     on = ("slip_angle",)
     needs = ("longitudinal_velocity", "fictitious_velocity")
     parameters = (Parameter("l_t", "m", -0.2, 0.2, 0.02, description="lever of the turning", neutral=0.0),)
@@ -72,6 +74,7 @@ class Camber(Addition):
 
     name = "camber"
     title = "camber"
+    family = "spin slip"
     on = ("slip_angle",)
     parameters = (
         Parameter("epsilon_c", "1", -0.5, 0.5, 0.08, description="camber over cornering stiffness", neutral=0.0),
@@ -94,6 +97,7 @@ class SteeringCompliance(Effect):
 
     name = "steering_compliance"
     title = "compliance of the steering"
+    family = "compliance"
     on = ("slip_angle",)
     needs = ("dF0",)
     # 0.08 degrees per kilonewton
@@ -132,6 +136,7 @@ class LoadCoupling(Scaling):
 
     name = "load_coupling"
     title = "lateral force on the load"
+    family = "load coupling"
     # the force itself of a settled tyre
     on = ("slip_stiffness", "steady_state_force")
     needs = ("lateral_slip", "transport_velocity")

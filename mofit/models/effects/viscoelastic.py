@@ -42,6 +42,7 @@ class CubicStiffness(Addition):
 
     name = "cubic_stiffness"
     title = "cubic stiffness"
+    family = "non-linear stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
@@ -70,6 +71,7 @@ class AsymmetricStiffness(Addition):
 
     name = "asymmetric_stiffness"
     title = "asymmetric stiffness"
+    family = "non-linear stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
@@ -90,6 +92,7 @@ class Payne(Addition):
 
     name = "payne"
     title = "Payne softening"
+    family = "non-linear stiffness"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
@@ -130,6 +133,7 @@ class Inertia(Effect):
 
     name = "inertia"
     title = "inertia"
+    family = "inertia"
     on = ("lateral_force", "damper_force")
     needs = ("deflection_rate or velocity",)
     parameters = (
@@ -166,6 +170,7 @@ class SecondBranch(Effect):
 
     name = "second_branch"
     title = "second Maxwell branch"
+    family = "relaxation"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
@@ -204,6 +209,7 @@ class RelaxationSpectrum(Effect):
 
     name = "relaxation_spectrum"
     title = "relaxation spectrum"
+    family = "relaxation"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (
@@ -249,6 +255,7 @@ class Springpot(Effect):
 
     name = "springpot"
     title = "springpot (fractional)"
+    family = "relaxation"
     on = ("carcass_force", "spring_force")
     needs = ("deflection",)
     parameters = (

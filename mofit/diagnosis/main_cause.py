@@ -1,0 +1,108 @@
+"""One pass through score tests, refits and conclusion; and where that explains the gap by nothing, its main cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from mofit.diagnosis.candidates import Candidate, prepare
+from mofit.diagnosis.conclusion import Conclusion, conclude
+from mofit.diagnosis.fitting import Fitted, fit_baseline
+from mofit.diagnosis.model_search import Attribution, attribute
+from mofit.diagnosis.refit import CandidateModel, share_left
+from mofit.diagnosis.residual_map import ResidualMap, residual_map
+from mofit.diagnosis.residual_tests import residual_tests
+from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.whitened_data import with_discrepancy
+from mofit.models import Effect
+from mofit.runtime.progress import Progress
+
+_TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One pass through score tests, refits and conclusion.
+
+    Parameters
+    ----------
+    ignored
+        Discrepancy that was counted as noise, relative to the output's range.
+    is_main
+        Whether the best model is a main cause: it leaves something, and stands out.
+    """
+
+    settings: DiagnosisSettings
+    candidates: Sequence[Candidate]
+    stiff: Mapping[str, str]
+    found: Attribution
+    before: ResidualMap
+    after: ResidualMap
+    conclusion: Conclusion
+    ignored: float = 0.0
+    is_main: bool = False
+
+    @property
+    def undecided(self) -> tuple[CandidateModel, ...]:
+        """Models for a next experiment: where some are indistinguishable, those, and others that are not ruled out.
+
+        One that has all the effects of an indistinguishable one, and more, cannot be discriminated from it. With the
+        effect present in the calibration tests or not: both count.
+        """
+        equal, limit = self.conclusion.indistinguishable, self.found.best.criterion + self.settings.possible
+        if len(equal) < 2:
+            return equal
+        known = {one.effects for one in equal} | {()}
+        others = [one for one in self.found.models if one.effects not in known and one.criterion < limit]
+        others = [one for one in others if not any({*few.effects} < {*one.effects} for few in equal)]
+        ways = [one.alternative for one in (*equal, *others) if one.alternative is not None]
+        return (*equal, *others, *(one for one in ways if one.criterion < limit))
+
+    def with_fewer_effects(self, most: int) -> Case:
+        """The same with models of at most so many effects."""
+        models = tuple(one for one in self.found.models if len(one.effects) <= most)
+        found = replace(self.found, models=models, best_residuals=residual_tests(models[0].fitted))
+        after = residual_map(models[0].fitted)
+        return replace(self, found=found, after=after, conclusion=conclude(found, self.before, after, self.settings))
+
+
+def investigate(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
+    """Test, refit and compare the effects; conclude."""
+    prepared = []
+    for number, effect in enumerate(effects):
+        progress("score test", number, len(effects), effect.name)
+        prepared.append(prepare(baseline, effect))
+    candidates = [candidate for candidate in prepared if candidate.integrates]
+    stiff = {candidate.name: _TOO_STIFF for candidate in prepared if not candidate.integrates}
+    found = attribute(baseline, candidates, settings, progress)
+    before, after = residual_map(baseline), residual_map(found.best.fitted)
+    return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+
+
+def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:
+    """Main causes of a gap that nothing explains: as few effects as stand out.
+
+    Where none does, the noise may hide it: most of the weight lies on the lines with the least noise, though what a
+    model misses is no smaller there. So the last one is looked for with a part of the gap counted as noise.
+    """
+    for most in range(1, len(case.found.best.effects) + 1):
+        fewer = case.with_fewer_effects(most)
+        if stands_out(fewer.found, case.settings):
+            yield replace(fewer, is_main=True)
+    ignored = case.settings.resolution * case.before.relative
+    baseline = case.found.baseline
+    noisy = with_discrepancy(baseline.hypothesis.observed, ignored)
+    single = replace(case.settings, most_effects=1)
+    again = investigate(fit_baseline(noisy, baseline.minimum.point, seed), effects, single, progress)
+    if stands_out(again.found, case.settings):
+        yield replace(again, ignored=ignored, is_main=True)
+
+
+def stands_out(found: Attribution, settings: DiagnosisSettings) -> bool:
+    """Whether the best model explains most of the gap, and any other without one of its causes far less."""
+    best, baseline = found.best, found.baseline
+    left = share_left(best.fitted, baseline)
+    others = [one for one in found.models if not best.families <= one.families]
+    if not others or left > 1 - settings.partly:
+        return False
+    return settings.dominance * left < min(share_left(one.fitted, baseline) for one in others)

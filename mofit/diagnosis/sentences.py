@@ -1,0 +1,59 @@
+"""What a diagnosis says in words: what causes the gap, what is left of it, and where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mofit.diagnosis.residual_map import Location
+from mofit.diagnosis.residual_tests import Residuals
+from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+
+#: An effect in words: its family and its own title.
+Law = tuple[str, str]
+
+#: p-value below which only the bound is printed.
+_SMALLEST = 1e-16
+_PHRASES = {one.name: one.phrase for one in SPECTRAL_CLASSES}
+
+
+def cause(laws: Sequence[Law], others: Sequence[Law] = (), left: str = "") -> str:
+    """What causes the gap, family first, what else may, and what is ``left`` where that is not all."""
+    what = "most of the gap" if left else "the gap"
+    rest = f"; {left}" if left else ""
+    if len(laws) > 1:
+        listed = " and ".join(f"{family}{_best_law(family, title)}" for family, title in laws)
+        start, named = f"Several effects cause {what}: {listed}{rest}.", "them"
+    else:
+        ((family, title),) = laws
+        start = f"{family[0].upper()}{family[1:]} causes {what}{_best_law(family, title)}{rest}."
+        # the family is beyond doubt if all have it
+        named = "this law" if all(other == family for other, _ in others) else "it"
+    doubt = f" These data cannot distinguish {named} from {' or '.join(title for _, title in others)}."
+    return start + (doubt if others else "")
+
+
+def _best_law(family: str, title: str) -> str:
+    return "" if family == title else f" (best law: {title})"
+
+
+def left_over(share: float, location: Location | None) -> str:
+    """How much of the gap's mean square is left, and where most of that lies."""
+    left = f"{100 * share:.0f} % of its mean square is left"
+    if location is None:
+        return left
+    lines = _PHRASES.get(location.lines, "")
+    place = f"on {lines} of {location.test}" if lines and location.test else f"on {lines}" if lines else ""
+    return f"{left}, most of it {place or f'in {location.test}'}"
+
+
+def nearest(titles: Sequence[str], share: float) -> str:
+    """How much the best model leaves of a gap that it does not explain."""
+    percent, doubt = (f"{100 * share:.0f}", "") if round(100 * share) else ("less than 0.5", ", which is significant")
+    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
+
+
+def unexplained(residuals: Residuals, unit: str) -> str:
+    """The most significant residual test of a gap that no effect comes near."""
+    test, p = residuals.tests[0], residuals.p_value
+    bound = f"= {p:.1g}" if p > _SMALLEST else f"< {_SMALLEST:g}"
+    return f": {test.description} ({test.rms:.2g} {unit} root mean square, p {bound})"
