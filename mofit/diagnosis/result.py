@@ -206,7 +206,7 @@ def _records(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
     observed, found = diagnosis.observed, diagnosis.attribution
     before, after = (one.hypothesis.outputs(one.minimum.point[None]) for one in (found.baseline, found.best.fitted))
     name = first_input(observed.problem.model)
-    driver = next(c for c in observed.problem.model.inputs if (c.derivative_of or c.name) == name)
+    driver = observed.problem.model.inputs[0]
     for test, output, w in observed.records:
         measurement, channel = observed.problem.measurements[test], observed.problem.model.outputs[output]
         length = round(w.period / w.step) + 1 if w.periods else _MOST_SAMPLES
