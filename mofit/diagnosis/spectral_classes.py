@@ -120,7 +120,7 @@ def highest_harmonic(excitation: FloatArray, periods: int) -> int:
 
 def _highest_excited(excitation: FloatArray, periods: int = 1) -> int:
     """The highest line that the input's power reaches: of a periodic one, the highest harmonic."""
-    power = np.abs(np.fft.rfft(excitation - excitation.mean())[::periods]) ** 2
+    power = np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2
     order = np.argsort(-power, kind="stable")
     most = int(np.searchsorted(np.cumsum(power[order]), _EXCITED_POWER * power.sum())) + 1
     return int(order[:most].max())
