@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mofit.data import Campaign
+from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.cross_validation import Shrinkage, cross_validate
@@ -107,7 +108,8 @@ def diagnose(
         nrmsd_after=_nrmsd(found.best.fitted),
         noise_floor=dict(zip(observed.problem.objective_names, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
-        warnings=(*notes, *_at_ends(found)),
+        accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
+        warnings=(*notes, *_at_ends(found), *_at_most(found, rules)),
         seconds=time.process_time() - began,
         page=_page,
     )
@@ -167,6 +169,14 @@ def _at_ends(found: Attribution) -> tuple[str, ...]:
         for one, side in bounds
         if side and (one.lower if side < 0 else one.upper) != one.neutral
     )
+
+
+def _at_most(found: Attribution, rules: DiagnosisSettings) -> tuple[str, ...]:
+    """What to know where the search ended although something is left."""
+    tried = len(found.best.effects)
+    if tried < rules.most_effects or found.best_residuals.p_value >= rules.residual_p_value:
+        return ()
+    return (f"No more than {tried} effects are tried at once, and more than noise is left: there may be one more.",)
 
 
 def _why_no_shrinkage(case: Case, tests: int) -> str:

@@ -15,7 +15,7 @@ DIVERGED = 1e100
 #: Whitened observations and derivatives as large as this come from an unstable integration, too.
 _UNSTABLE = 1e20
 #: Most Runge–Kutta steps per sampling interval: what is stiffer (a sharp dry friction) takes too long to fit.
-_MOST_STEPS = 16
+MOST_STEPS = 16
 #: In slowly sampled records more steps keep fast states of an effect stable.
 _MOST_STEPS_TO_STABILISE = 64
 
@@ -81,7 +81,7 @@ def with_enough_steps(
     The simulator with the fewest sufficient steps, and its result.
     """
     steps, coarse = fewest, None
-    while coarse is None or 2 * steps <= (_MOST_STEPS if stable(coarse) else _MOST_STEPS_TO_STABILISE):
+    while coarse is None or 2 * steps <= (MOST_STEPS if stable(coarse) else _MOST_STEPS_TO_STABILISE):
         # the finer one first: the loop compiled for it serves the coarser one too
         fine = rows(simulator.with_steps(2 * steps))
         here = simulator.with_steps(steps)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from mofit.diagnosis.accounts import Account, accounts_of, promising
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.refit import CandidateModel, rated, refit
+from mofit.diagnosis.refit import CandidateModel, NotFittedError, rated, refit
 from mofit.diagnosis.residual_tests import Residuals, residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
@@ -31,6 +33,8 @@ class Attribution:
         Fitted candidate models, the best first; the baseline is one of them.
     best_residuals
         Residual tests of the best model.
+    accounts
+        What became of every candidate.
     """
 
     baseline: Fitted
@@ -38,6 +42,7 @@ class Attribution:
     score_tests: tuple[ScoreTest, ...]
     models: tuple[CandidateModel, ...]
     best_residuals: Residuals
+    accounts: tuple[Account, ...] = ()
 
     @property
     def best(self) -> CandidateModel:
@@ -52,19 +57,21 @@ class Attribution:
 
 @dataclass(frozen=True)
 class _Search:
-    """Models fitted so far."""
+    """Models fitted so far, those that could not be, and candidates that were not tried; both with the reason."""
 
     baseline: Fitted
     candidates: Sequence[Candidate]
     settings: DiagnosisSettings
     models: tuple[CandidateModel, ...]
+    failed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
+    passed_over: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def best(self) -> CandidateModel:
         return self.models[0]
 
     def tried(self, effects: Iterable[str]) -> bool:
-        return tuple(sorted(effects)) in {one.effects for one in self.models}
+        return tuple(sorted(effects)) in {one.effects for one in self.models} | {*self.failed}
 
     def score_tests_at(self, base: Fitted) -> list[ScoreTest]:
         return score_tests(base, prepared_at(base, self.candidates))
@@ -79,20 +86,30 @@ class _Search:
         fresh = [one for one in added if not self.tried([*present, one.name])]
         contender = self.settings.contender
         made: dict[str, CandidateModel] = {}
+        failed = dict(self.failed)
         lowest = self.best.criterion
         for number, one in enumerate(fresh):
             progress("refit", number, len(fresh), " + ".join([*present, one.name]))
-            if (fitted := refit(base, one, lowest + contender)) is not None:
-                made[one.name] = rated(fitted, len(self.candidates))
+            try:
+                made[one.name] = rated(refit(base, one, lowest + contender), len(self.candidates))
+            except NotFittedError as error:
+                failed[tuple(sorted((*present, one.name)))] = str(error)
+            else:
                 lowest = min(lowest, made[one.name].criterion)
         limit = lowest + contender
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
         for one in (other for contender in contenders if (other := contender.alternative) is not None):
-            if (fitted := refit(base, one, limit)) is not None:
-                better, worse = sorted((made[one.name], rated(fitted, len(self.candidates))), key=_order)
+            with suppress(NotFittedError):  # the effect is fitted all the same
+                second = rated(refit(base, one, limit), len(self.candidates))
+                better, worse = sorted((made[one.name], second), key=_order)
                 made[one.name] = replace(better, alternative=worse)
-        return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)))
+        return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)), failed=failed)
+
+    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress) -> _Search:
+        """With refits of the baseline plus each of the candidates whose scores promise something."""
+        kept, passed_over = promising(scores, share, self.settings.most_refits)
+        return replace(self.extended(self.baseline, kept, progress), passed_over=passed_over)
 
     def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
         """With a refit of just these effects, added one by one."""
@@ -117,17 +134,18 @@ def attribute(
     state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
     nothing = Attribution(baseline, residuals, tuple(scores), state.models, residuals)
     if nothing.p_value >= settings.gap_p_value:
-        return nothing
-    state = state.extended(baseline, _promising(scores, settings.promising, settings), progress)
+        reasons = dict.fromkeys((one.name for one in scores), "there is no gap")
+        return replace(nothing, accounts=accounts_of(scores, state.models, {}, reasons))
+    state = state.singly(scores, settings.promising, progress)
     if residual_tests(state.best.fitted).p_value < settings.residual_p_value:
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right
-        relaxed = _promising(scores, settings.relaxed_promising, settings)
-        state = state.extended(baseline, relaxed, progress)
+        state = state.singly(scores, settings.relaxed_promising, progress)
     for count in range(1, settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0
         state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
-    return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted))
+    accounts = accounts_of(scores, state.models, state.failed, state.passed_over)
+    return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted), accounts=accounts)
 
 
 def _leaves_more(state: _Search, share: float, doubt: float) -> bool:
@@ -190,13 +208,6 @@ def best_extensions(
     limit = level[0].criterion - settings.extension_promising * gain
     chosen = [(base, one) for criterion, base, one in best if criterion < limit]
     return [(base.fitted, added) for base in level if (added := [one for by, one in chosen if by is base])]
-
-
-def _promising(scores: Sequence[ScoreTest], share: float, settings: DiagnosisSettings) -> list[ScoreTest]:
-    """Those with at least this share of the largest T, the largest first."""
-    largest = max((one.statistic for one in scores), default=0.0)
-    kept = [one for one in scores if one.statistic > share * largest and one.statistic > 0]
-    return sorted(kept, key=lambda one: -one.statistic)[: settings.most_refits]
 
 
 def _order(model: CandidateModel) -> float:

@@ -12,9 +12,9 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.integration import stable
+from mofit.diagnosis.integration import MOST_STEPS, stable
 from mofit.diagnosis.score_test import ScoreTest
-from mofit.errors import InputError
+from mofit.errors import InputError, MofitError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
 
 #: Grid points of an effect that a refit starts from, each twice: with the typical size no more than lanes.
@@ -29,6 +29,10 @@ _LEAST_LEFT = 1e-3
 _ROUNDS, _TOLERANCE = 10, 0.1
 #: Largest decrease of the sum of squares to expect of the first of those rounds, generously.
 _GAIN = 300.0
+
+
+class NotFittedError(MofitError):
+    """A candidate model could not be fitted; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +106,14 @@ def probabilities_of_causes(models: Sequence[CandidateModel], baseline: Fitted) 
     return np.asarray(raw / raw.sum())
 
 
-def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | None:
+def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     """The hypothesis with one more effect, fitted from where the score test expects the minimum and from elsewhere.
 
     Starts: the fitted parameters, without and with their expected shift, at the expected size of the best points of the
     grid; the fitted parameters with the typical size. Where the added effect depends on a condition that a fitted
     effect moves, there are many minima side by side: then starts along that effect are added.
+
+    What diverges is tried again with twice as many steps, from where it ended and from every point of the grid.
 
     Parameters
     ----------
@@ -119,21 +125,36 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted | N
         Sum of squares that the model must come down to; one that cannot is left as it was found first: coarsely
         integrated, and the stages as they were.
 
-    Returns
-    -------
-    None if no start can be simulated, or if the minimum cannot be integrated more finely.
+    Raises
+    ------
+    NotFittedError
+        If with the most steps no start can be simulated, or the minimum cannot be integrated more finely.
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.discrepancies, added.discrepancy))
     starts = [_start(new, here, {}), *_expected(new, here, added), *_along(new, fitted, added)]
     # steps that served the parts; the minimum is integrated more closely
     steps = max(old.steps, added.candidate.steps) if added.effect.states else old.steps
-    try:
-        first = fit(new.with_steps(steps), np.array(starts))
-        found = _in_wider_ranges(settled(first, limit, with_stages))
-    except InputError:
-        return None
-    return found.without_tables() if is_reliable(found) else None
+    ends: list[Fitted] = []
+    while True:
+        try:
+            found = _in_wider_ranges(settled(fit(new.with_steps(steps), np.array(starts)), limit, with_stages))
+            if is_reliable(found):
+                return found.without_tables()
+            ends, why = [found], "its fit ends where the integration diverges"
+        except InputError:
+            ends, why = [], "no start can be simulated"
+        steps *= 2
+        if steps > MOST_STEPS:
+            raise NotFittedError(f"{why}, even with {steps // 2} steps per sampling interval; sample faster")
+        again = [_start(new, here, one.point) for one in added.candidate.discrepancies]
+        starts = [*starts, *again, *(_inside(new, one) for one in ends)]
+
+
+def _inside(new: Hypothesis, found: Fitted) -> FloatArray:
+    """Where a fit in maybe wider ranges ended, in the unit coordinates of a hypothesis."""
+    values = found.hypothesis.space.from_unit(found.minimum.point)
+    return np.clip(new.space.to_unit(values), 0.0, 1.0)
 
 
 def _in_wider_ranges(found: Fitted) -> Fitted:

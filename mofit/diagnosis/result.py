@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.conclusion import Conclusion
 from mofit.diagnosis.cross_validation import Shrinkage
 from mofit.diagnosis.model_search import Attribution
@@ -47,6 +48,8 @@ class Diagnosis:
         Per test.
     left_out
         Effects that could not be candidates, and why.
+    accounts
+        What became of every candidate: fitted, not needed, or could not be fitted; and why.
     warnings
         Ranges that were widened, parameters at the end of theirs.
     seconds
@@ -69,6 +72,7 @@ class Diagnosis:
     nrmsd_after: Mapping[str, float]
     noise_floor: Mapping[str, float]
     left_out: Mapping[str, str]
+    accounts: tuple[Account, ...]
     warnings: tuple[str, ...]
     seconds: float = field(compare=False)
     page: Callable[[Diagnosis], str] = field(compare=False, repr=False)
@@ -101,6 +105,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "shrinkage_reason": diagnosis.shrinkage_reason,
         "next_experiment": None if following is None else asdict(following),
         "candidates": [_candidate(found, one) for one in found.score_tests],
+        "accounts": [asdict(one) for one in diagnosis.accounts],
         "left_out": dict(diagnosis.left_out),
         "warnings": list(diagnosis.warnings),
         "homogeneity": [
@@ -216,7 +221,7 @@ def _records(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
     observed, found = diagnosis.observed, diagnosis.attribution
     before, after = (one.hypothesis.outputs(one.minimum.point[None]) for one in (found.baseline, found.best.fitted))
     name = first_input(observed.problem.model)
-    driver = next(c for c in observed.problem.model.inputs if (c.derivative_of or c.name) == name)
+    driver = observed.problem.model.inputs[0]
     for test, output, w in observed.records:
         measurement, channel = observed.problem.measurements[test], observed.problem.model.outputs[output]
         length = round(w.period / w.step) + 1 if w.periods else _MOST_SAMPLES

@@ -13,15 +13,17 @@ from mofit._typing import FloatArray
 from mofit.data import Measurement
 from mofit.diagnosis.whitening import Whitening
 
-#: Harmonics of the excitation with a class of their own; higher ones hold too little of a smooth effect.
+#: Harmonics with a class of their own where the excitation is a sine; higher ones hold too little of a smooth effect.
 HARMONICS = 10
+#: Excited lines that a smooth effect combines at most: a cubic one three.
+_ORDER = 3
 #: Odd multiples of half the excitation's frequency with a class of their own.
 SUBHARMONICS = 3
 #: Lines on each side that a frequency between two lines reaches: the main lobe of a rectangular window, nearly.
 _LEAKAGE = 1.5
 #: Lines on each side of the excitation that a slow change of gain fills.
 _MODULATION = 2
-#: Share of an aperiodic input's power that its excited lines hold; what is weaker moves no output beyond noise.
+#: Share of an input's power that its excited lines hold; what is weaker moves no output beyond noise.
 _EXCITED_POWER = 0.999
 #: Radius of the test drum, m, where a campaign does not state ``drum_radius``: 4.35 Hz at 60 km/h.
 _DRUM_RADIUS = 0.61
@@ -73,18 +75,20 @@ def classify(w: Whitening, excitation: FloatArray, orders: Mapping[str, float]) 
 
     Returns
     -------
-    Indices into `SPECTRAL_CLASSES`: *dc*, zero frequency; *odd* and *even* harmonics of the excitation, up to the
-    tenth; *subharmonic*, odd multiples of half its frequency, up to the fifth; *rotating*, the orders and their
-    sidebands at ± the excitation; *slow*, below half the excitation's frequency, and two lines on each side of it;
-    *excited*, without a period: lines that the input excites, and their harmonics; *other*, noise in every model.
+    Indices into `SPECTRAL_CLASSES`: *dc*, zero frequency; *odd* and *even* harmonics of the excitation's period, up to
+    the tenth and to three times the highest one excited; *subharmonic*, odd multiples of half its frequency, up to the
+    fifth; *rotating*, the orders and their sidebands at ± the excitation; *slow*, below half the excitation's
+    frequency, and two lines on each side of it; *excited*, without a period: lines that the input excites, and their
+    harmonics; *other*, noise in every model.
     """
     m, number = w.periods, np.arange(len(w.frequencies))
     nowhere = np.zeros(len(number), dtype=bool)
-    low = w.harmonic & (number <= HARMONICS * m)
+    low = w.harmonic & (number <= highest_harmonic(excitation, m) * m)
     odd_harmonic = number // max(m, 1) % 2 == 1
     away = np.abs(number - m)
     slow = (number < m / 2) | ((away <= _MODULATION) & (away < m / 2)) if m else nowhere
-    excited = nowhere if m else _excited(excitation)
+    # a sparsely filled band counts as a whole: harmonics of its lines fall between them
+    excited = nowhere if m else number <= 2 * _highest_excited(excitation)
     place = [w.count * w.step * f + sideband * m for f in orders.values() for sideband in ((-1, 0, 1) if m else (0,))]
     near = np.any([nowhere, *(np.abs(number - line) < _LEAKAGE for line in place)], axis=0)
     found = {
@@ -106,13 +110,20 @@ def _subharmonic(number: NDArray[np.int64], periods: int) -> NDArray[np.bool_]:
     return np.asarray(nearest & (half < 2 * SUBHARMONICS))
 
 
-def _excited(excitation: FloatArray) -> NDArray[np.bool_]:
-    """Up to twice the highest line that the input's power reaches."""
-    power = np.abs(np.fft.rfft(excitation - excitation.mean())) ** 2
+def highest_harmonic(excitation: FloatArray, periods: int) -> int:
+    """The highest harmonic of a periodic input (n,) that may hold a gap.
+
+    A multisine excites many: a gap lies on their lines, and on sums and differences of up to three of them.
+    """
+    return max(HARMONICS, _ORDER * _highest_excited(excitation, periods))
+
+
+def _highest_excited(excitation: FloatArray, periods: int = 1) -> int:
+    """The highest line that the input's power reaches: of a periodic one, the highest harmonic."""
+    power = np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2
     order = np.argsort(-power, kind="stable")
     most = int(np.searchsorted(np.cumsum(power[order]), _EXCITED_POWER * power.sum())) + 1
-    # a sparsely filled band counts as a whole: harmonics of its lines fall between them
-    return np.asarray(np.arange(len(power)) <= 2 * int(order[:most].max()))
+    return int(order[:most].max())
 
 
 def rotational_orders(measurement: Measurement) -> dict[str, float]:

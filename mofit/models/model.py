@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeAlias
@@ -21,14 +21,27 @@ TARGET_UNIT = "unit of the target"
 class Channel:
     """A signal over time: an input, an output or a state, in its SI unit.
 
-    ``derivative_of`` names the input whose time derivative this one is. A smoothing spline of that channel gives it,
-    never raw differences.
+    ``derivative_of`` names the input whose time derivative this one is; that may be a derivative itself. A smoothing
+    spline of the measured channel gives both, never raw differences.
     """
 
     name: str
     unit: str
     description: str = ""
     derivative_of: str | None = None
+
+
+def derivations(channels: Iterable[Channel]) -> dict[str, tuple[str, int]]:
+    """Of every channel the measured one that it follows from, and how often that is differentiated: itself and 0."""
+    parents = {channel.name: channel.derivative_of for channel in channels}
+    found = {}
+    for name in parents:
+        chain = [name]
+        # one that is said to be its own derivative ends the chain
+        while (parent := parents.get(chain[-1])) is not None and parent not in chain:
+            chain.append(parent)
+        found[name] = chain[-1], len(chain) - 1
+    return found
 
 
 @dataclass(frozen=True)

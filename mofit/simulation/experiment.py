@@ -11,12 +11,12 @@ from scipy.interpolate import CubicSpline, PPoly
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
-from mofit.data.signals import SignalAnalysis, smooth_derivative, steady_samples
+from mofit.data.signals import SignalAnalysis, smooth_derivatives, steady_samples
 from mofit.errors import InputError, Issue
 from mofit.models import Model, System
 from mofit.models.model import TIME
 from mofit.quantities import HOLD, INTERPOLATIONS
-from mofit.simulation.requirements import all_conditions, measured_outputs, undriven
+from mofit.simulation.requirements import all_conditions, derived_channels, measured_outputs, undriven
 
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
 _SHORT_TEST = 20_000
@@ -188,15 +188,14 @@ def experiment_data(model: Model, measurement: Measurement, record: SignalAnalys
     """
     experiment = measurement.experiment
     columns: dict[str, FloatArray] = {**experiment.inputs, **measurement.outputs}
-    derived = {channel.derivative_of for channel in model.inputs if channel.derivative_of}
+    derived = derived_channels(model)
     if undriven(model, experiment):
         columns |= {channel.name: np.zeros(len(experiment.time)) for channel in model.inputs}
-        derived = set()
-    for name in derived:
-        # the smoothed signal goes with its derivative, so that both describe one motion
-        smooth, slope = smooth_derivative(experiment.time, measurement.channel(name))
-        columns[name] = smooth
-        columns |= {channel.name: slope for channel in model.inputs if channel.derivative_of == name}
+        derived = {}
+    for name, orders in derived.items():
+        # the smoothed signal goes with its derivatives, so that all describe one motion
+        smooth = smooth_derivatives(experiment.time, measurement.channel(name), max(orders.values()))
+        columns |= {name: smooth[0], **{derivative: smooth[order] for derivative, order in orders.items()}}
     used = steady_samples(experiment.time, _dropped(experiment, record, settled), record.tail)
     measured = np.zeros((len(used), len(model.outputs)))
     weights = np.zeros_like(measured)

@@ -9,10 +9,10 @@ from typing import TypeVar
 import numpy as np
 
 from mofit.data import Campaign, Measurement
-from mofit.data.signals import smooth_derivative
+from mofit.data.signals import smooth_derivatives
 from mofit.models import Effect, Model
 from mofit.models.initial_state import PREFIX, WRITTEN_FOR
-from mofit.models.model import SAMPLE_INTERVAL, TIME, Channel
+from mofit.models.model import SAMPLE_INTERVAL, TIME, Channel, derivations
 from mofit.parameters import Parameter
 from mofit.units import power_of_time
 
@@ -87,15 +87,15 @@ def _state_scales(model: Model, scales: Mapping[str, float]) -> dict[str, float]
 
 def _mean_range(model: Model, campaign: Campaign, name: str) -> float | None:
     """Geometric mean of `_range` over the tests; None where there is none above 0."""
-    derived = {channel.name: channel.derivative_of for channel in model.inputs}
-    ranges = [_range(measurement, name, derived.get(name)) for measurement in campaign.measurements]
+    source, order = derivations(model.inputs).get(name, (name, 0))
+    ranges = [_range(measurement, name, source, order) for measurement in campaign.measurements]
     usable = [value for value in ranges if np.isfinite(value) and value > 0]
     if len(set(usable)) == 1:  # exactly
         return usable[0]
     return float(np.exp(np.mean(np.log(usable)))) if usable else None
 
 
-def _range(measurement: Measurement, name: str, derivative_of: str | None) -> float:
+def _range(measurement: Measurement, name: str, source: str, order: int) -> float:
     """Peak-to-peak range of a channel, of a derivative by smoothing; size of a condition; nan where a test has none."""
     experiment = measurement.experiment
     if name == TIME.name:
@@ -107,8 +107,8 @@ def _range(measurement: Measurement, name: str, derivative_of: str | None) -> fl
     known = {*experiment.inputs, *measurement.outputs}
     if name in known:
         values = measurement.channel(name)
-    elif derivative_of in known and derivative_of is not None:
-        _, values = smooth_derivative(experiment.time, measurement.channel(derivative_of))
+    elif source in known:
+        values = smooth_derivatives(experiment.time, measurement.channel(source), order)[order]
     else:
         return np.nan
     finite = values[np.isfinite(values)]

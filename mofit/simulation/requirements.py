@@ -5,7 +5,7 @@ from __future__ import annotations
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.models import Model
-from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME
+from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME, derivations
 
 #: conditions that follow from a test's time axis, see `all_conditions`
 TIME_CONDITIONS = (SAMPLE_INTERVAL.name, RECORD_LENGTH.name, "start_time")
@@ -24,7 +24,16 @@ def undriven(model: Model, experiment: Experiment) -> bool:
 
 def first_input(model: Model) -> str:
     """Name of the channel that excites the model; it gives a test's period."""
-    return model.inputs[0].derivative_of or model.inputs[0].name
+    return derivations(model.inputs)[model.inputs[0].name][0]
+
+
+def derived_channels(model: Model) -> dict[str, dict[str, int]]:
+    """Of every channel that is differentiated, the model's inputs that follow from it, with the order of each."""
+    found: dict[str, dict[str, int]] = {}
+    for name, (source, order) in derivations(model.inputs).items():
+        if order:
+            found.setdefault(source, {})[name] = order
+    return found
 
 
 def require(model: Model, campaign: Campaign) -> None:
@@ -43,7 +52,7 @@ def lacking(model: Model, campaign: Campaign, *, outputs_too: bool = True) -> li
     A prediction needs no output at all: ``outputs_too`` is False.
     """
     issues = []
-    inputs = [channel.derivative_of or channel.name for channel in model.inputs]
+    inputs = list(dict.fromkeys(source for source, _ in derivations(model.inputs).values()))
     outputs = [f"'{channel.name}'" for channel in model.outputs]
     any_output = f"channel {outputs[0]}" if len(outputs) == 1 else f"at least one of the channels {', '.join(outputs)}"
     for measurement in campaign.measurements:

@@ -67,6 +67,8 @@ def test_what_cannot_be_integrated_is_left_out_with_a_reason(tmp_path: Path) -> 
     assert found.conclusion.effects[0].name == "dry_friction"
     assert {one.name for one in found.attribution.score_tests} == {"dry_friction"}
     assert "too stiff" in found.left_out["sensor"]
+    outcomes = {one["name"]: one["outcome"] for one in summary(found)["accounts"]}
+    assert outcomes == {"dry_friction": "fitted", "sensor": "could not be fitted"}
 
 
 @pytest.mark.parametrize("effect", ["springpot", "backlash"])

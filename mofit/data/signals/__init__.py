@@ -3,7 +3,7 @@
 from mofit.data.signals.analysis import REPEATED, SignalAnalysis, analyse, find_transient, steady_samples
 from mofit.data.signals.noise_process import NoiseProcess, effective_samples, noise_process
 from mofit.data.signals.periodicity import periodic_fit
-from mofit.data.signals.smoothing import smooth_derivative
+from mofit.data.signals.smoothing import smooth_derivative, smooth_derivatives
 
 __all__ = [
     "REPEATED",
@@ -15,5 +15,6 @@ __all__ = [
     "noise_process",
     "periodic_fit",
     "smooth_derivative",
+    "smooth_derivatives",
     "steady_samples",
 ]

@@ -95,9 +95,17 @@ def smooth(values: FloatArray, noise_sd: float | None = None) -> Smoothed:
 def smooth_derivative(
     time: FloatArray, values: FloatArray, noise_sd: float | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Smoothed signal and its time derivative; never raw differences.
+    """Smoothed signal and its time derivative; see `smooth_derivatives`."""
+    smoothed, slope = smooth_derivatives(time, values, 1, noise_sd)
+    return smoothed, slope
 
-    Penalised smoothing (`smooth`) with a stiffness that follows from the noise level, then the analytic derivative
+
+def smooth_derivatives(
+    time: FloatArray, values: FloatArray, order: int, noise_sd: float | None = None
+) -> list[FloatArray]:
+    r"""Smoothed signal and its time derivatives up to an order; never raw differences.
+
+    Penalised smoothing (`smooth`) with a stiffness that follows from the noise level, then the analytic derivatives
     of the quintic spline through the smooth values.
 
     Parameters
@@ -106,14 +114,16 @@ def smooth_derivative(
         Uniform grid, shape (n,), in s.
     values
         Signal, shape (n,).
+    order
+        Of the highest derivative, at most 4.
     noise_sd
         Standard deviation of its noise; by default that of `residual_noise`. A quantised signal has at least the
         noise of its resolution, :math:`q / \sqrt{12}`.
 
     Returns
     -------
-    smoothed, derivative
-        Shape (n,) each; unit of the signal, and per s.
+    list
+        Shape (n,) each; unit of the signal, and per s, per s² …
 
     Notes
     -----
@@ -125,7 +135,8 @@ def smooth_derivative(
     level = residual_noise(values)[0] if noise_sd is None else max(noise_sd, quantisation_step(values) / np.sqrt(12))
     smoothed = smooth(values, level).values
     grid = np.arange(len(values), dtype=float)
-    return smoothed, make_interp_spline(grid, smoothed, k=5).derivative()(grid) / step
+    spline = make_interp_spline(grid, smoothed, k=5)
+    return [smoothed, *(spline.derivative(k)(grid) / step**k for k in range(1, order + 1))]
 
 
 def residual_noise(values: FloatArray) -> tuple[float, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,8 +16,6 @@ from mofit.report.toolkit.formatting import compact, interval, number, p_value, 
 _SHOWN = 12
 #: Width of a 90 % interval in standard deviations.
 _INTERVAL = 3.29
-#: Difference of the criterion, p-value and confounding that the reasons rest on.
-_WORSE, _SIGNIFICANT, _HIDDEN = 6.0, 0.01, 0.99
 
 
 def effects_section(data: Mapping[str, Any]) -> Section:
@@ -123,36 +121,33 @@ def _bias_badge(one: Mapping[str, Any]) -> Markup:
 
 
 def ruled_out_section(data: Mapping[str, Any]) -> Section:
-    """The candidates that are not named, and why; effects that could not be candidates."""
+    """The candidates that are not named, what became of each and why; effects that could not be candidates."""
     named = {effect["name"] for effect in data["effects"]}
-    others = [one for one in data["candidates"] if one["name"] not in named]
-    blocks: list[Block] = [
-        Table(
-            [
-                Column("Effect", [_title(data, one["name"]) for one in others]),
-                Column("T", [number(one["statistic"], 3) for one in others]),
-                Column("p", [p_value(one["p_value"]) for one in others]),
-                Column("Confounding", [percent(one["confounding"]) for one in others]),
-                words("Why not", [_reason(one, data) for one in others]),
-            ],
-            "T: score statistic. p: corrected for the number of candidates. Confounding: share of the effect that the "
-            "model's own parameters absorb and hide.",
-        )
-        if others
-        else Text("Every candidate is named.")
-    ]
+    others = [one for one in data["accounts"] if one["name"] not in named]
+    scores = {one["name"]: one for one in data["candidates"]}
+    blocks: list[Block] = [_accounts_table(data, others, scores) if others else Text("Every candidate is named.")]
     if left_out := data["left_out"]:
         table = Table([words("Effect", list(left_out)), words("Why", list(left_out.values()))])
         blocks.append(Details("Effects that could not be candidates", [table]))
-    numbers = {"candidates": data["candidates"], "left_out": left_out}
+    numbers = {"accounts": data["accounts"], "candidates": data["candidates"], "left_out": left_out}
     return Section("ruled_out", "What is ruled out", blocks, numbers)
 
 
-def _reason(one: Mapping[str, Any], data: Mapping[str, Any]) -> str:
-    alone = next((model for model in data["fitted_models"] if model["effects"] == [one["name"]]), None)
-    if one["p_value"] > _SIGNIFICANT:
-        hidden = ", but these tests would hardly show it" if one["confounding"] > _HIDDEN else ""
-        return f"not significant{hidden}"
-    if alone is not None and alone["criterion"] > _WORSE:
-        return f"fits worse: criterion {compact(alone['criterion'], 3)} above the best"
-    return "its score is far below the best"
+def _accounts_table(
+    data: Mapping[str, Any], accounts: Sequence[Mapping[str, Any]], scores: Mapping[str, Mapping[str, Any]]
+) -> Table:
+    def cells(key: str, form: Callable[[float], str]) -> list[str]:
+        return [form(scores[one["name"]][key]) if one["name"] in scores else "–" for one in accounts]
+
+    return Table(
+        [
+            Column("Effect", [_title(data, one["name"]) for one in accounts]),
+            Column("T", cells("statistic", lambda value: number(value, 3))),
+            Column("p", cells("p_value", p_value)),
+            Column("Confounding", cells("confounding", percent)),
+            words("Outcome", [one["outcome"] for one in accounts]),
+            words("Why", [one["reason"] for one in accounts]),
+        ],
+        "T: score statistic. p: corrected for the number of candidates. Confounding: share of the effect that the "
+        "model's own parameters absorb and hide. Criterion: below 6 above the best, a model is hardly ruled out.",
+    )

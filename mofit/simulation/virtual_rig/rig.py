@@ -11,11 +11,12 @@ from scipy.interpolate import CubicSpline
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
-from mofit.data.signals import smooth_derivative
+from mofit.data.signals import smooth_derivatives
 from mofit.errors import InputError
 from mofit.models import build_system
-from mofit.models.model import TIME
+from mofit.models.model import TIME, derivations
 from mofit.simulation.experiment import in_model_order
+from mofit.simulation.requirements import derived_channels
 from mofit.simulation.simulator import Simulator
 from mofit.simulation.virtual_rig.plan import Plan, read_plan
 from mofit.simulation.virtual_rig.setup import Setup, TestSetup, set_up
@@ -101,10 +102,10 @@ def _columns(test: TestSetup, experiment: Experiment) -> dict[str, FloatArray]:
     inputs, time = [c for c in test.model.inputs if c.name != TIME.name], experiment.time
     if test.record is None:
         signal = experiment.inputs[test.excited.name]
-        slope = CubicSpline(time, signal).derivative()(time)
-        return {c.name: slope if c.derivative_of else signal for c in inputs}
+        spline = CubicSpline(time, signal)
+        return {name: spline(time, k) if k else signal for name, (_, k) in derivations(inputs).items()}
     columns = dict(experiment.inputs)
-    for name in {c.derivative_of for c in inputs if c.derivative_of}:
-        smooth, slope = smooth_derivative(time, experiment.inputs[name])
-        columns |= {name: smooth, **{c.name: slope for c in inputs if c.derivative_of == name}}
+    for name, orders in derived_channels(test.model).items():
+        smooth = smooth_derivatives(time, experiment.inputs[name], max(orders.values()))
+        columns |= {name: smooth[0], **{derivative: smooth[order] for derivative, order in orders.items()}}
     return columns

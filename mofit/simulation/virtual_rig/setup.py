@@ -12,7 +12,7 @@ from mofit.data import Campaign, Experiment, Measurement, read_campaign
 from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import Channel, Effect, Model, build_system, find_effect, find_model, incompatibility, with_effects
-from mofit.models.model import TIME
+from mofit.models.model import TIME, derivations
 from mofit.quantities import CONDITIONS
 from mofit.simulation.requirements import TIME_CONDITIONS
 from mofit.simulation.virtual_rig.plan import EffectPlan, NoisePlan, Plan, TestPlan
@@ -145,7 +145,7 @@ def _excited(model: Model) -> Channel:
 
 def _sources(model: Model) -> list[str]:
     """Channels that a model needs; some inputs are derivatives of them."""
-    names = dict.fromkeys(channel.derivative_of or channel.name for channel in model.inputs)
+    names = dict.fromkeys(source for source, _ in derivations(model.inputs).values())
     return [name for name in names if name != TIME.name]
 
 
