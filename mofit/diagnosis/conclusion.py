@@ -146,7 +146,7 @@ def conclude(
     ignored
         Discrepancy that was counted as noise, relative to the output's range: it is significant, and left.
     share
-        What the final estimates leave of the gap's mean square, where the verdict rests on others.
+        What the final estimates leave of the gap's mean square; the verdict on a main cause rests on it.
     removed
         See `Finding`.
     """
@@ -161,7 +161,8 @@ def conclude(
         significant=found.p_value < settings.gap_p_value,
         left_p_value=0.0 if ignored else found.best_residuals.p_value,
         left_of_peak=max(left_of_peak, 2 * ignored),  # a range is about two peaks
-        left_share=share if ignored and share is not None else left_share,
+        # of a main cause the final estimates count: the noise alone bends a law that misses little to miss more
+        left_share=share if removed and share is not None else left_share,
         doubtful=bool(doubtful),
         removed=removed,
     )
