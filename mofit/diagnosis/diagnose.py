@@ -33,7 +33,6 @@ from mofit.simulation import objective_pairs
 from mofit.simulation.ranges import data_scales
 
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
-_NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it faster"
 
 
 def diagnose(
@@ -101,7 +100,7 @@ def diagnose(
         candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
     reason = _why_no_shrinkage(conclusion, found)
     progress("held-out tests", 0, 1, "")
-    shrinkage = None if reason else cross_validate(found, candidates, settings.seed)
+    shrinkage = reason or cross_validate(found, candidates, settings.seed)
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict == "unknown" else case.undecided
     return Diagnosis(
@@ -112,8 +111,8 @@ def diagnose(
         before=case.before,
         after=case.after,
         homogeneity=tuple(homogeneity(case.found.baseline)),
-        shrinkage=shrinkage,
-        shrinkage_reason=reason or ("" if shrinkage else _NOT_HELD_OUT),
+        shrinkage=None if isinstance(shrinkage, str) else shrinkage,
+        shrinkage_reason=shrinkage if isinstance(shrinkage, str) else "",
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=_nrmsd(found.baseline),
         nrmsd_after=_nrmsd(found.best.fitted),
