@@ -169,6 +169,8 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
     if shrinkage := found["shrinkage"]:
         share = [f"{100 * shrinkage[key]:.1f}" for key in ("refitted", "low", "high")]
         console.print(f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).")
+        if caveat := shrinkage["caveat"]:
+            console.print(f"{caveat[0].upper()}{caveat[1:]}")
     if found["next_experiment"]:
         console.print(found["next_experiment"]["sentence"])
     for warning in found["warnings"]:

@@ -60,12 +60,14 @@ class Shrinkage:
     refitted
         After refits without each test in turn: the predictions against the fit to all tests.
     low, high
-        90 % interval of the same.
+        90 % interval of the same: over the parameters' posterior, and over which tests were measured.
     observed
         The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
         hides a small gap.
     held_out
         The predictions.
+    ran_away
+        Tests without which the fits run away. They do not count in any share but the predicted one.
     """
 
     predicted: float
@@ -74,31 +76,51 @@ class Shrinkage:
     high: float
     observed: float
     held_out: tuple[HeldOut, ...]
+    ran_away: tuple[str, ...] = ()
+
+    @property
+    def caveat(self) -> str:
+        """What to know of the shares; empty if nothing."""
+        if not self.ran_away:
+            return ""
+        return f"{_runs_away(self.ran_away)}. The shares are those of the other tests."
 
 
-def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage | None:
+def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage | str:
     """Leave out one test at a time, fit the rest without and with the best model's effects, and compare.
 
-    None if a fit diverges in the test that it was not fitted to: too stiff for it.
+    Where hardly a fit holds in the test that it was not fitted to: why there is no share.
     """
     observed, best = found.baseline.hypothesis.observed, found.best
-    rows = len(observed.measured)
+    rows, names = len(observed.measured), observed.problem.tests
     folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
     without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
-    if not (stable(without) and stable(with_)):
-        return None
-    significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
-    direct = observed.explainable & observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
-    errors = observed.told(np.stack([without, with_], axis=1))
-    before, after = mean_squares(observed, errors, direct) - _noise(observed, direct).sum()
-    raw = 1 - after / before if before > 0 else 0.0
+    diverged = [not stable(np.stack([without, with_])[:, observed.test == t]) for t in range(len(names))]
+    without, with_ = (np.where(np.array(diverged)[observed.test], 0.0, errors) for errors in (without, with_))
     full, remainder = best.fitted.residual[:rows], found.best_residuals.p_value < _P_VALUE
     rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
-    low, refitted, high = _interval(best.fitted, with_ - full + rest, without - with_, seed)
+    error, gain = with_ - full + rest, without - with_
+    after, before = np.einsum("tii->it", _products(observed, np.stack([error, error + gain], axis=1)))
+    kept = ~(diverged | (after - before > before.mean()))
+    away = tuple(name for name, holds in zip(names, kept, strict=True) if not holds)
+    if kept.sum() < min(2, len(names)) or before[kept].sum() < 0.5 * before.sum():
+        return _runs_away(away)
+    low, refitted, high = _interval(best.fitted, error, gain, kept, seed)
+    significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
+    direct = observed.explainable & observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
+    direct &= kept[observed.test]
+    errors = observed.told(np.stack([without, with_], axis=1))
+    still, whole = mean_squares(observed, errors, direct)[::-1] - _noise(observed, direct).sum()
+    raw = 1 - still / whole if whole > 0 else 0.0
     points = {one.name: one.best for one in found.score_tests}
     added = [c.sensitivities[points[c.name]] for name in best.effects for c in candidates if c.name == name]
     predicted = _predicted(found.baseline, added, remainder)
-    return Shrinkage(predicted, refitted, low, high, min(raw, 1.0), tuple(_predictions(observed, *folds)))
+    return Shrinkage(predicted, refitted, low, high, min(raw, 1.0), tuple(_predictions(observed, *folds)), away)
+
+
+def _runs_away(tests: Sequence[str]) -> str:
+    each = " or ".join(tests)
+    return f"without {each} the fit to the other tests runs away: they do not determine the effect"
 
 
 def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, FloatArray]:
@@ -155,23 +177,36 @@ def _beyond_noise(observed: WhitenedData, residual: FloatArray) -> float:
     return max(1 - float(_noise(observed, observed.explainable).sum()) / square, 0.0)
 
 
-def _interval(fitted: Fitted, error: FloatArray, gain: FloatArray, seed: int) -> list[float]:
-    """5 %, 50 % and 95 % quantiles of the share over the posterior of the parameters.
+def _products(observed: WhitenedData, columns: FloatArray) -> FloatArray:
+    """Relative mean products of columns of whitened rows (m, k) in every test, (tests, k, k)."""
+    found = np.zeros((len(observed.problem.tests), columns.shape[1], columns.shape[1]))
+    for (test, _, _), signals in zip(observed.records, _signals(observed, columns, observed.explainable), strict=True):
+        found[test] += signals.T @ signals
+    return found
+
+
+def _interval(
+    fitted: Fitted, error: FloatArray, gain: FloatArray, kept: NDArray[np.bool_], seed: int
+) -> tuple[float, float, float]:
+    """5 %, 50 % and 95 % quantiles of the share over the posterior of the parameters, the outer ones over tests too.
 
     From the ``error`` of the predictions without the test against the fit to all, (m,), and their ``gain`` by the
-    effect, (m,).
+    effect, (m,), in the tests that are ``kept``. Tests are drawn with replacement (bootstrap): where they disagree, one
+    test more or less would have given another share.
     """
-    observed = fitted.hypothesis.observed
-    root = np.linalg.cholesky(np.linalg.inv(fitted.hessian))
-    moved = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
+    random, root = np.random.default_rng(seed), np.linalg.cholesky(np.linalg.inv(fitted.hessian))
+    moved = random.standard_normal((_DRAWS, len(root))) @ root.T
     columns = np.column_stack([error, gain, -fitted.jacobian[: len(error), fitted.free]])
-    products = np.sum([signals.T @ signals for signals in _signals(observed, columns, observed.explainable)], axis=0)
+    products = _products(fitted.hypothesis.observed, columns)[kept]
     one, none = np.ones((_DRAWS, 1)), np.zeros((_DRAWS, 1))
     after, before = (
-        np.einsum("di,ij,dj->d", mixed, products, mixed)
+        np.einsum("di,tij,dj->dt", mixed, products, mixed)
         for mixed in (np.hstack([one, none, moved]), np.hstack([one, one, moved]))
     )
-    return [float(value) for value in np.quantile(1 - after / before, (0.05, 0.5, 0.95))]
+    middle = float(np.median(1 - after.sum(axis=1) / before.sum(axis=1)))
+    times = random.multinomial(len(products), np.full(len(products), 1 / len(products)), _DRAWS)
+    low, high = np.quantile(1 - np.sum(times * after, axis=1) / np.sum(times * before, axis=1), (0.05, 0.95))
+    return min(float(low), middle), middle, max(float(high), middle)
 
 
 def _predicted(baseline: Fitted, added: Sequence[FloatArray], remainder: bool) -> float:

@@ -32,8 +32,6 @@ from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
 from mofit.simulation.ranges import data_scales
 
-_NOT_HELD_OUT = "a fit without one of the tests diverges in that test; sample it faster"
-
 
 def diagnose(
     campaign: Campaign | str | Path,
@@ -136,14 +134,14 @@ def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -
         candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
     reason = _why_no_shrinkage(case, len(observed.problem.tests))
     progress("held-out tests", 0, 1, "")
-    shrinkage = None if reason else cross_validate(found, candidates, seed)
+    validated = reason or cross_validate(found, candidates, seed)
+    shrinkage, reason = (None, validated) if isinstance(validated, str) else (validated, "")
     removed = 0.0
     if case.is_main and stands_out(found, case.settings):
         # of one test alone, what the fit to it leaves must do
         removed = shrinkage.refitted if shrinkage else 1 - share_left(found.best.fitted, found.baseline)
     before, after, rules = case.before, case.after, case.settings
     conclusion = conclude(found, before, after, rules, ignored=case.ignored, share=share, removed=removed)
-    reason = reason or ("" if shrinkage else _NOT_HELD_OUT)
     return _Ending(found, conclusion, shrinkage, reason)
 
 

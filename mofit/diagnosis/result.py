@@ -90,7 +90,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data, every number in SI units."""
     conclusion, shrinkage, following = diagnosis.conclusion, diagnosis.shrinkage, diagnosis.next_experiment
     found = diagnosis.attribution
-    shares = ("predicted", "refitted", "low", "high", "observed")
+    shares = ("predicted", "refitted", "low", "high", "observed", "caveat")
     return {
         "schema": SCHEMA,
         "verdict": conclusion.verdict,

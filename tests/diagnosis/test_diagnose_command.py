@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -69,3 +71,18 @@ def test_bad_input_writes_nothing(campaign_file: Path, tmp_path: Path, capsys) -
     assert not out.exists()
     assert main(["diagnose", str(tmp_path / "absent.nc"), "--out", str(out)]) == 2
     assert not out.exists()
+
+
+def test_two_at_the_same_moment_both_end_well(campaign_file: Path, tmp_path: Path) -> None:
+    """Each in a folder of its own; neither leaves anything beside it."""
+    command = [sys.executable, "-m", "mofit", "diagnose", str(campaign_file), "--model", "kelvin_voigt_damper"]
+    command += ["--effects", "dry_friction", "--json", "--jobs", "1"]
+    started = [subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) for _ in "ab"]
+    for one in started:
+        printed, errors = one.communicate(timeout=300)
+        assert one.returncode == 0, errors.decode()
+        assert json.loads(printed)["verdict"] == "effect"
+    folders = sorted((tmp_path / "runs").iterdir())
+    assert [folder.name for folder in folders] == [f"diagnosis-kelvin_voigt_damper{end}" for end in ("", "-2")]
+    for folder in folders:
+        assert sorted(path.name for path in folder.iterdir()) == ["diagnosis.html", "diagnosis.json"]

@@ -74,6 +74,8 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
     blocks: list[Block] = [banner(data["sentence"], _GRADES[data["verdict"]]), cards(key_figures)]
     if not shrinkage:
         blocks.append(Text(f"The shrinkage is not reported: {data['shrinkage_reason']}."))
+    elif caveat := shrinkage["caveat"]:
+        blocks.append(Text(f"{caveat[0].upper()}{caveat[1:]}"))
     if data["next_experiment"]:
         blocks.append(Text(Markup("<b>What to test next.</b> {}").format(data["next_experiment"]["sentence"])))
     keys = ("verdict", "sentence", "effects", "group", "shrinkage", "shrinkage_reason", "next_experiment")

@@ -1,0 +1,68 @@
+"""How far the gap shrinks where fits without a test run away, or tests disagree."""
+
+from dataclasses import replace
+
+import damper_rig
+from damper_rig import damper_diagnosis
+
+from mofit.diagnosis.diagnose import diagnose
+from mofit.diagnosis.result import summary
+from mofit.identification.settings import Settings
+from mofit.models import find_model
+from mofit.simulation.virtual_rig import plan as plans
+from mofit.simulation.virtual_rig.rig import run_plan
+
+FRICTION = (("dry_friction", (("F_d", 30.0),)),)
+SMALL = ((0.001, 0.5, 4), (0.001, 1.0, 6), (0.001, 2.0, 8))
+
+
+def campaign(strokes, cubic, seed=1, noise=damper_rig.NOISE):
+    return run_plan(
+        plans.Plan(
+            title="damper",
+            model="kelvin_voigt_damper",
+            seed=seed,
+            parameters={"c": 2000.0, "p": 0.0, "d": 1500.0, "F_0": 0.0},
+            noise={"force": plans.NoisePlan(sd=noise)},
+            effects=(plans.EffectPlan(name="cubic_stiffness", parameters={"k_c": cubic}),),
+            tests=tuple(
+                plans.TestPlan(name=f"{i}", kind="sine", sample_rate=100.0, amplitude=a, frequency=f, periods=n)
+                for i, (a, f, n) in enumerate(strokes)
+            ),
+        )
+    )
+
+
+def test_where_one_test_alone_shows_the_effect_no_share_is_reported() -> None:
+    """Small strokes say nothing of a cubic spring: fits to them alone run away."""
+    data = campaign((*SMALL, (0.02, 1.0, 6)), 3e7, noise=20.0)
+    found = diagnose(data, find_model("kelvin_voigt_damper"), ("cubic_stiffness", "delay"), Settings(jobs=1))
+    assert found.conclusion.verdict == "effect"
+    assert found.shrinkage is None
+    assert found.shrinkage_reason.startswith("without 3 the fit to the other tests runs away")
+    assert found.shrinkage_reason in found._repr_html_()
+
+
+def test_a_fit_that_runs_away_is_told_beside_the_shares_of_the_others() -> None:
+    found = damper_diagnosis(FRICTION)
+    assert found.shrinkage is not None
+    assert found.shrinkage.caveat == ""
+    one_away = replace(found, shrinkage=replace(found.shrinkage, ran_away=("4Hz",)))
+    caveat = summary(one_away)["shrinkage"]["caveat"]
+    assert "without 4Hz" in caveat
+    assert caveat[1:] in one_away._repr_html_()
+
+
+def test_the_interval_is_as_wide_as_the_tests_disagree() -> None:
+    """Strokes of 2 mm in much noise predict one of 20 mm badly, but it predicts them well."""
+    small = tuple((0.002, frequency, periods) for _, frequency, periods in SMALL)
+    data = campaign((*small, (0.02, 1.0, 6)), 3e7, seed=2, noise=20.0)
+    model, names = find_model("kelvin_voigt_damper"), ("cubic_stiffness", "delay")
+    doubtful = diagnose(data, model, names, Settings(jobs=1)).shrinkage
+    exact = damper_diagnosis(FRICTION).shrinkage
+    assert doubtful is not None
+    assert exact is not None
+    for one in (doubtful, exact):
+        assert one.low <= one.refitted <= one.high
+    assert doubtful.high - doubtful.low > 0.5
+    assert exact.high - exact.low < 0.05
