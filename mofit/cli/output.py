@@ -159,7 +159,7 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
     console.print(found["sentence"], style="bold")
     where = found["where"]
     if where["residuals"]:
-        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square of what repeats)")
+        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square beyond the noise)")
     if found["effects"]:
         table = _table("family", "effect", "probability", "size", "5 %", "95 %", "unit", words=("effect", "unit"))
         for effect in found["effects"]:

@@ -28,7 +28,10 @@ def where_section(data: Mapping[str, Any]) -> Section:
     before, after = data["residual_maps"]["before"], data["residual_maps"]["after"]
     unit = data["where"]["unit"]
     blocks: list[Block] = [
-        Text("The gap is what measured minus simulated holds beyond the noise. Noise is what differs between periods."),
+        Text(
+            "The gap is what measured minus simulated holds beyond the noise. Noise is what differs between periods "
+            "or, without a period, what past inputs do not predict."
+        ),
         _tests_table(data["where"], data["residual"]),
         _classes_figure(before, after, unit),
         _input_figure(before["input"], data["records"][0], unit),
