@@ -136,10 +136,11 @@ def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -
     progress("held-out tests", 0, 1, "")
     validated = reason or cross_validate(found, candidates, seed)
     shrinkage, reason = (None, validated) if isinstance(validated, str) else (validated, "")
-    removed = 0.0
-    if case.is_main and stands_out(found, case.settings):
-        # of one test alone, what the fit to it leaves must do
-        removed = shrinkage.refitted if shrinkage else 1 - share_left(found.best.fitted, found.baseline)
+    removed = shrinkage.refitted if shrinkage else 0.0
+    if len(observed.problem.tests) < 2:  # what the fit to it leaves must do
+        removed = 1 - share_left(found.best.fitted, found.baseline)
+    if not (case.is_main and stands_out(found, case.settings)):
+        removed = 0.0
     before, after, rules = case.before, case.after, case.settings
     conclusion = conclude(found, before, after, rules, ignored=case.ignored, share=share, removed=removed)
     return _Ending(found, conclusion, shrinkage, reason)

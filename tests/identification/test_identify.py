@@ -171,9 +171,24 @@ def interrupted(command, out, how):
 )
 def test_a_resumed_run_gives_the_same_numbers(how, code, words, rig, tree):
     file, model = rig
-    out = file.parent / how.name
-    command = [sys.executable, "-m", "mofit", "identify", str(file), "--model", model, "--seed", "1", "--out", str(out)]
-    returned, errors = interrupted(command, out, how)
+    for attempt in range(5):  # on a busy machine the run may end before the signal comes
+        out = file.parent / f"{how.name}-{attempt}"
+        command = [
+            sys.executable,
+            "-m",
+            "mofit",
+            "identify",
+            str(file),
+            "--model",
+            model,
+            "--seed",
+            "1",
+            "--out",
+            str(out),
+        ]
+        returned, errors = interrupted(command, out, how)
+        if returned:
+            break
     assert returned == code
     assert words in errors
     assert "Traceback" not in errors
