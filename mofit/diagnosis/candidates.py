@@ -6,18 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
-from mofit.diagnosis.integration import clipped, stable, with_enough_steps
+from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
 from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
 from mofit.parameters import ParameterSpace
-from mofit.simulation import Simulator, lacking
+from mofit.simulation import lacking
 from mofit.simulation.ranges import scaled, with_parameters
 
 #: Relative change of a score test's direction when the step is halved: costs 1e-4 of the test's power.
@@ -37,12 +38,12 @@ class Candidate:
     sensitivities
         S at the neutral size, (G, m + p, q), rows of the prior included.
     steps
-        Runge–Kutta steps per sampling interval that they took.
+        Runge–Kutta steps per sampling interval that each point took, (G,).
     """
 
     discrepancies: tuple[Discrepancy, ...]
     sensitivities: FloatArray
-    steps: int
+    steps: NDArray[np.int64]
 
     @property
     def effect(self) -> Effect:
@@ -131,22 +132,23 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     sets = [{**here, **effect.neutral, **point} for point in effect.grid_points]
     values = np.array([[point[name] for name in system.parameters] for point in sets])
 
-    def sensitivities(at: Simulator) -> FloatArray:
-        return observed.whitened([clipped(slope) for _, slope in at.sensitivities(values)])
+    def sensitivities(steps: int, which: NDArray[np.intp]) -> FloatArray:
+        slopes = simulator.with_steps(steps).sensitivities(values[which])
+        return observed.whitened([clipped(slope) for _, slope in slopes])
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
-        size = np.linalg.norm(fine, axis=(1, 2)) + np.finfo(float).tiny
-        return float(np.max(np.linalg.norm(fine - coarse, axis=(1, 2)) / size))
+        return float(np.linalg.norm(fine - coarse) / (np.linalg.norm(fine) + np.finfo(float).tiny))
 
     if effect.states:
-        simulator, points = with_enough_steps(simulator, sensitivities, change, _SENSITIVITY_CHANGE)
+        steps, points = each_with_enough_steps(sensitivities, change, _SENSITIVITY_CHANGE, len(values))
     else:
-        simulator = simulator.with_steps(max(model.steps, _STATIC_STEPS))
-        points = sensitivities(simulator)
+        steps = np.full(len(values), max(model.steps, _STATIC_STEPS))
+        points = sensitivities(int(steps[0]), np.arange(len(values)))
     found = observed.stages.discrepancies(effect)
     root = observed.prior_root[1]
-    rows = [np.concatenate([points[i % len(points)], root @ one.sensitivity]) for i, one in enumerate(found)]
-    return Candidate(tuple(found), np.stack(rows), simulator.steps or 1)
+    place = np.arange(len(found)) % len(points)
+    rows = [np.concatenate([points[i], root @ one.sensitivity]) for i, one in zip(place, found, strict=True)]
+    return Candidate(tuple(found), np.stack(rows), steps[place])
 
 
 def effects_moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:

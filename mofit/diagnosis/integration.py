@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import Model, System, build_system
@@ -40,7 +41,8 @@ class SimulatorCache:
         system = build_system(model)
         key = (system.hash(), tuple(free))
         if key not in self._compiled:
-            self._compiled[key] = Simulator(system, experiments, free, jobs=self.jobs, steps=steps)
+            # most are called once or twice: tables would not pay
+            self._compiled[key] = Simulator(system, experiments, free, jobs=self.jobs, steps=steps, fixed_per_lane=True)
         return system, self._compiled[key].without_tables().with_steps(steps).with_experiments(experiments)
 
 
@@ -80,14 +82,43 @@ def with_enough_steps(
     -------
     The simulator with the fewest sufficient steps, and its result.
     """
-    steps, coarse = fewest, None
-    while coarse is None or 2 * steps <= (MOST_STEPS if stable(coarse) else _MOST_STEPS_TO_STABILISE):
+    steps, found = each_with_enough_steps(
+        lambda steps, _: rows(simulator.with_steps(steps))[None], change, allowed, 1, fewest
+    )
+    return simulator.with_steps(int(steps[0])), found[0]
+
+
+def each_with_enough_steps(
+    rows: Callable[[int, NDArray[np.intp]], FloatArray],
+    change: Callable[[FloatArray, FloatArray], float],
+    allowed: float,
+    count: int,
+    fewest: int = 1,
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """Double the steps of every one of ``count`` parameter sets until that no longer changes its result.
+
+    Parameters
+    ----------
+    rows
+        Results (k, ...) with so many steps of those k sets that have these indices.
+    change, allowed, fewest
+        As in `with_enough_steps`, of one set.
+
+    Returns
+    -------
+    The fewest sufficient steps of every set (count,), and the results with them (count, ...).
+    """
+    waiting, steps = np.arange(count), fewest
+    taken, found, coarse = np.zeros(count, dtype=np.int64), {}, None
+    while len(waiting):
         # the finer one first: the loop compiled for it serves the coarser one too
-        fine = rows(simulator.with_steps(2 * steps))
-        here = simulator.with_steps(steps)
-        coarse = rows(here) if coarse is None else coarse
-        # two divergent integrations agree as well
-        if stable(coarse) and change(coarse, fine) <= allowed:
-            return here, coarse
-        steps, coarse = 2 * steps, fine
-    return simulator.with_steps(steps), coarse
+        fine = rows(2 * steps, waiting)
+        coarse = rows(steps, waiting) if coarse is None else coarse
+        further = np.zeros(len(waiting), dtype=bool)
+        for place, (which, here, there) in enumerate(zip(waiting, coarse, fine, strict=True)):
+            # two divergent integrations agree as well
+            enough = stable(here) and change(here, there) <= allowed
+            taken[which], found[which] = (steps, here) if enough else (2 * steps, there)
+            further[place] = not enough and 4 * steps <= (MOST_STEPS if stable(there) else _MOST_STEPS_TO_STABILISE)
+        waiting, coarse, steps = waiting[further], fine[further], 2 * steps
+    return taken, np.stack([found[which] for which in np.arange(count)])

@@ -132,13 +132,16 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.discrepancies, added.discrepancy))
-    starts = [_start(new, here, {}), *_expected(new, here, added), *_along(new, fitted, added)]
-    # steps that served the parts; the minimum is integrated more closely
-    steps = max(old.steps, added.candidate.steps) if added.effect.states else old.steps
-    ends: list[Fitted] = []
+    grid = _best_points(added)
+    least = max(old.steps, int(added.candidate.steps[grid[0]])) if added.effect.states else old.steps
+    starts = [(least, one) for one in (_start(new, here, {}), *_along(new, fitted, added))]
+    for place in grid:
+        own = max(least, int(added.candidate.steps[place]))
+        starts += [(own, one) for one in _expected(new, here, added, place)]
+    steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = _in_wider_ranges(settled(fit(new.with_steps(steps), np.array(starts)), limit, with_stages))
+            found = _in_wider_ranges(settled(_fitted(new, starts), limit, with_stages))
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -148,7 +151,27 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
         if steps > MOST_STEPS:
             raise NotFittedError(f"{why}, even with {steps // 2} steps per sampling interval; sample faster")
         again = [_start(new, here, one.point) for one in added.candidate.discrepancies]
-        starts = [*starts, *again, *(_inside(new, one) for one in ends)]
+        more = [*again, *(_inside(new, one) for one in ends)]
+        starts = [(max(own, steps), one) for own, one in [*starts, *((steps, one) for one in more)]]
+
+
+def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]]) -> Fitted:
+    """The best fit from starts, each with as many integration steps as it needs.
+
+    Raises
+    ------
+    InputError
+        If no start can be simulated.
+    """
+    found, failure = list[Fitted](), InputError([])
+    for steps in sorted({own for own, _ in starts}):
+        try:
+            found.append(fit(new.with_steps(steps), np.array([one for own, one in starts if own == steps])))
+        except InputError as error:
+            failure = error
+    if not found:
+        raise failure
+    return min(found, key=lambda one: one.minimum.value)
 
 
 def _inside(new: Hypothesis, found: Fitted) -> FloatArray:
@@ -212,16 +235,25 @@ def with_stages(fitted: Fitted) -> Fitted:
     return fit(replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best), best)
 
 
-def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest) -> Iterator[FloatArray]:
-    """Where the score test expects the minimum at the best grid points, without and with the parameters' shift."""
+def _best_points(added: ScoreTest) -> list[int]:
+    """The points of the grid with the largest statistics, the best first.
+
+    Others than the best only if they are not too stiff to be fitted in reasonable time.
+    """
     points = added.candidate.discrepancies
     present = added.discrepancy.present_in_calibration
-    order = np.argsort(-added.statistics, kind="stable")
-    for place in [i for i in order if points[i].present_in_calibration == present][:_GRID_STARTS]:
-        sizes = zip(added.effect.size, added.sizes[place], strict=True)
-        values = {name: added.effect.neutral[name] + float(size) for name, size in sizes} | dict(points[place].point)
-        yield _start(new, here, values)
-        yield _start(new, np.clip(here - added.biases[place], 0.0, 1.0), values)
+    order = [int(i) for i in np.argsort(-added.statistics, kind="stable")]
+    best, *others = [i for i in order if points[i].present_in_calibration == present]
+    return [best, *(i for i in others if added.candidate.steps[i] <= MOST_STEPS)][:_GRID_STARTS]
+
+
+def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest, place: int) -> Iterator[FloatArray]:
+    """Where the score test expects the minimum at a point of the grid, without and with the parameters' shift."""
+    sizes = zip(added.effect.size, added.sizes[place], strict=True)
+    values = {name: added.effect.neutral[name] + float(size) for name, size in sizes}
+    values |= added.candidate.discrepancies[place].point
+    yield _start(new, here, values)
+    yield _start(new, np.clip(here - added.biases[place], 0.0, 1.0), values)
 
 
 def _along(new: Hypothesis, fitted: Fitted, added: ScoreTest) -> Iterator[FloatArray]:

@@ -8,7 +8,7 @@ from damper_rig import SIMULATORS, damper_fit
 
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.integration import DIVERGED, with_enough_steps
+from mofit.diagnosis.integration import DIVERGED, each_with_enough_steps, with_enough_steps
 from mofit.identification.calibration import calibrate
 from mofit.models import find_effect, find_model
 from mofit.parameters import ParameterSpace
@@ -150,3 +150,16 @@ def test_the_prior_follows_an_effect_of_the_calibration_tests() -> None:
     point[-1] = model.space.subset(["g_F"]).to_unit([gain])[0]
     offset = np.array([0.3, 0.6]) - 0.5 - gain * sensitivity[[0, 2], 0]
     assert np.sum((rows @ (mean - point)) ** 2) == pytest.approx(offset @ prior.precision @ offset)
+
+
+def test_each_set_takes_the_steps_that_it_needs() -> None:
+    needed, asked = np.array([1, 8, 2]), []
+
+    def rows(steps: int, which: np.ndarray) -> np.ndarray:
+        asked.append((steps, tuple(which)))
+        return np.where(steps < needed[which], DIVERGED, 1.0 + which)[:, None]
+
+    steps, found = each_with_enough_steps(rows, lambda a, b: float(np.max(np.abs(b - a))), 1e-3, 3)
+    assert steps.tolist() == [1, 8, 2]
+    assert found.ravel().tolist() == [1.0, 2.0, 3.0]
+    assert asked == [(2, (0, 1, 2)), (1, (0, 1, 2)), (4, (1, 2)), (8, (1,)), (16, (1,))]
