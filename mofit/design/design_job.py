@@ -123,6 +123,10 @@ def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:
     """Tests within what the file's tests demonstrate; a calibration stage's kinds but steps belong to the stage."""
     model, driven = prepared.source.model, driven_input(prepared.source.model)
     known = [test.experiment for test in prepared.source.tests if driven.name in test.experiment.inputs]
+    if not known:
+        message = f"none of its tests has the input '{driven.name}', so it does not show what the rig can do"
+        cure = "Say the tests to choose from with --space; where no input drives the model there are none"
+        raise InputError.of(f"FILE {prepared.source.name}", message, cure)
     taken = {kind for stage in model.stages for kind in stage.excitations} - {"step"}
     kinds = {"sine", "multisine", "chirp", "step"} - taken
     return default_space(known, driven, kinds, budget, overhead, measured=isinstance(prepared.content, Campaign))

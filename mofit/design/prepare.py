@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,8 +18,9 @@ from mofit.design.sources import Source, measured_source, planned_source
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.identification.settings import is_seed
 from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
-from mofit.parameters import ParameterSpace
+from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.results import open_result
+from mofit.simulation.ranges import with_parameters
 from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan, read_plan
 
 if TYPE_CHECKING:
@@ -139,11 +140,12 @@ def _prepared(
     competing: Sequence[Effect],
 ) -> Prepared:
     base = _base_model(content, inputs.model)
-    model = with_effects(base, *(find_effect(name) for name in inputs.effects), *competing)
+    model, notes = _one_value_each(with_effects(base, *(find_effect(name) for name in inputs.effects), *competing))
     if isinstance(content, Plan):
         source = planned_source(name, content, model, named, inputs.jobs)
     else:
         source = measured_source(name, content, model, named, inputs.jobs, inputs.seed)
+    source = replace(source, notes=(*source.notes, *(f"{name}: {note}" for note in notes)))
     space = source.space
     values = reference_values(space, with_neutral(space, source.values, competing), inputs.at)
     if run is not None:
@@ -153,6 +155,16 @@ def _prepared(
         free = tuple(name for name in space.names if name not in still)
         samples = box_samples(space, values, free, inputs.samples, inputs.seed)
     return Prepared(content, inputs.model or base.name, base, source, samples, inputs.seed, inputs.jobs)
+
+
+def _one_value_each(model: Model) -> tuple[Model, list[str]]:
+    """The model with one value of every parameter for all tests, and what to know of it."""
+    scoped = [one.name for one in model.parameters if one.per != PER_CAMPAIGN]
+    if not scoped:
+        return model, []
+    parameters = [replace(one, per=PER_CAMPAIGN, pooled=False) for one in model.parameters]
+    note = f"{', '.join(scoped)} count as one value for all tests: with one each, the others are a little less certain."
+    return with_parameters(model, parameters), [note]
 
 
 def _base_model(content: Plan | Campaign, name: str | None) -> Model:

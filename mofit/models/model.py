@@ -180,7 +180,8 @@ class Model(ABC):
     """A dynamic model, written once in CasADi; simulation and sensitivities follow from it.
 
     A subclass sets the class attributes and writes `equations`. It announces each quantity that effects may act on with
-    ``s.quantity(name, expression)``; inputs, outputs, parameters and conditions need no announcement.
+    ``s.quantity(name, expression)``; inputs, outputs, parameters and conditions need no announcement. A model without
+    inputs is one of free decays.
 
     Examples
     --------
@@ -215,6 +216,11 @@ class Model(ABC):
     #: ranges are written; they are scaled to those of a campaign as `Parameter.scales` says. The scale of ``time``
     #: (`mofit.simulation.ranges.data_scales`) every model has
     typical: Mapping[str, float] = MappingProxyType({})
+
+    def __init_subclass__(cls) -> None:
+        """Of a model that nothing drives, time is the input."""
+        super().__init_subclass__()
+        cls.inputs = cls.inputs or (TIME,)
 
     @abstractmethod
     def equations(self, s: Symbols) -> Equations:

@@ -11,9 +11,10 @@ import xarray as xr
 from mofit.cli import main
 from mofit.cli.app import tests_by_name as parse_groups
 from mofit.cli.output import show_comparison
-from mofit.data import write_campaign
+from mofit.data import Campaign, Experiment, Measurement, write_campaign
 from mofit.design.augmentation import Augmentation
 from mofit.design.comparison import compare, compare_files, experiments_of
+from mofit.design.design_job import DesignJob, design_file
 from mofit.design.identifiability import COMBINATION, IDENTIFIABLE, VERDICTS
 from mofit.design.pages.comparison import profile_section
 from mofit.design.pages.frequency import information_over_frequency, loss_peak
@@ -274,3 +275,18 @@ def test_no_file_or_the_same_twice_is_an_error(plan, capsys) -> None:
     assert main(["compare"]) == 2
     assert main(["compare", str(plan), str(plan)]) == 2
     assert "two files have this name" in capsys.readouterr().err
+
+
+def test_parameters_with_a_value_per_test_count_as_one_value(tmp_path) -> None:
+    """And a campaign whose tests nothing drives does not say what to try next."""
+    time, tests = np.arange(500) / 200.0, []
+    for name, start in (("soft", 0.01), ("hard", 0.02)):
+        values = start * np.exp(-1.5 * time) * np.cos(75.0 * time)
+        values += 1e-4 * np.random.default_rng(1).standard_normal(len(time))
+        tests.append(Measurement(Experiment(name, "free", time, {}), {"displacement": values}, {"displacement": "m"}))
+    write_campaign(Campaign("taps", "simulated", {}, tuple(tests)), tmp_path / "taps.nc")
+    inputs = Inputs((tmp_path / "taps.nc",), "oscillator", ("start:position",), samples=2)
+    found = compare_files(inputs)
+    assert any("position_start count as one value for all tests" in note for note in found.notes)
+    with pytest.raises(InputError, match="none of its tests has the input"):
+        design_file(DesignJob(inputs))

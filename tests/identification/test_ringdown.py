@@ -1,5 +1,7 @@
 """Free decays without an input: the shipped oscillator with initial states and offsets per test."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,9 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.errors import InputError
 from mofit.identification.settings import Settings
 from mofit.identification.stages import adjusted_modes, locate_minima
-from mofit.models import find_effect, find_model, with_effects
+from mofit.models import Channel, Equations, Model, find_effect, find_model, with_effects
+from mofit.models.model import Symbols
+from mofit.parameters import Parameter
 from mofit.problem.scoped_estimates import scoped_estimates
 from mofit.sampling import laplace_covariance
 
@@ -65,3 +69,46 @@ def test_a_static_model_needs_its_input() -> None:
 def test_a_state_that_is_not_there_is_named() -> None:
     with pytest.raises(InputError, match=r"effect 'start:speed': needs speed, which model 'oscillator' does not have"):
         with_effects(find_model("oscillator"), find_effect("start:speed"))
+
+
+class Decay(Model):
+    """A damped oscillation that nothing drives."""
+
+    name = "decay"
+    parameters = (
+        Parameter("omega", "rad/s", 1.0, 1e3, 50.0, "log"),
+        Parameter("zeta", "1", 0.0, 0.2, 0.02),
+        Parameter("start", "m", -0.1, 0.1, 0.01, per="test"),
+        Parameter("start_velocity", "m/s", -10.0, 10.0, 1.0, per="test"),
+        Parameter("offset", "m", -0.01, 0.01, 0.0, per="test"),
+    )
+    states = (Channel("position", "m"), Channel("velocity", "m/s"))
+    outputs = (Channel("displacement", "m"),)
+
+    def equations(self, s: Symbols) -> Equations:
+        slope = -2 * s.zeta * s.omega * s.velocity - s.omega**2 * s.position
+        return Equations(
+            outputs={"displacement": s.position + s.offset},
+            derivatives={"position": s.velocity, "velocity": slope},
+            initial={"position": s.start, "velocity": s.start_velocity},
+        )
+
+
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_model_without_inputs_describes_free_decays(recorded: bool) -> None:
+    """Whether or not the records hold a channel beside the output."""
+    tests = taps()
+    if recorded:
+        beside = [{"load": np.sin(m.experiment.time)} for m in tests.measurements]
+        tests = replace(
+            tests,
+            measurements=tuple(
+                replace(m, experiment=replace(m.experiment, inputs=inputs), units={**m.units, "load": "N"})
+                for m, inputs in zip(tests.measurements, beside, strict=True)
+            ),
+        )
+    settings = Settings(evaluations=200, jobs=1)
+    found = locate_minima(tests, Decay(), settings)
+    minimum, _ = adjusted_modes(found.posterior, found.minima, settings)[0]
+    values = found.posterior.space.from_unit(minimum.point)
+    assert values == pytest.approx([2 * np.pi * FREQUENCY, DAMPING], rel=2e-3)
