@@ -162,7 +162,7 @@ def _one_value_each(model: Model) -> tuple[Model, list[str]]:
     scoped = [one.name for one in model.parameters if one.per != PER_CAMPAIGN]
     if not scoped:
         return model, []
-    parameters = [replace(one, per=PER_CAMPAIGN, pooled=False) for one in model.parameters]
+    parameters = tuple(replace(one, per=PER_CAMPAIGN, pooled=False) for one in model.parameters)
     note = f"{', '.join(scoped)} count as one value for all tests: with one each, the others are a little less certain."
     return with_parameters(model, parameters), [note]
 
