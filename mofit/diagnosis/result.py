@@ -123,7 +123,8 @@ def _shrinkage(shrinkage: Shrinkage) -> dict[str, Any]:
     """The headline, and every kind of hold-out, the most demanding one last."""
     headline = shrinkage.headline
     return {
-        **{key: getattr(headline, key) for key in ("kind", "share", "low", "high", "observed", "sentence")},
+        "sentence": shrinkage.sentence,
+        **{key: getattr(headline, key) for key in ("kind", "share", "low", "high", "observed")},
         "predicted": shrinkage.predicted,
         "caveat": shrinkage.caveat,
         "kinds": [_share(one) for one in shrinkage.shares],

@@ -90,13 +90,6 @@ class Share:
         """Where the gap shrinks so far, in words."""
         return _PLACES[self.kind]
 
-    @property
-    def sentence(self) -> str:
-        """The share with its interval."""
-        share, low, high = (f"{100 * value:.1f}" for value in (self.share, self.low, self.high))
-        names = "" if self.kind == "test" else f" ({'; '.join(one.name for one in self.hold_outs)})"
-        return f"On {self.place}{names} it removes {share} % of the gap ({low} to {high} %)."
-
 
 @dataclass(frozen=True)
 class Shrinkage:
@@ -127,6 +120,15 @@ class Shrinkage:
     def of(self, kind: Kind) -> Share | None:
         """The share on one kind of hold-out; None if it is not at hand."""
         return next((one for one in self.shares if one.kind == kind), None)
+
+    @property
+    def sentence(self) -> str:
+        """The headline with its interval, and beside it the least demanding kind."""
+        head, least = self.headline, self.shares[0]
+        share, low, high = (f"{100 * value:.1f}" for value in (head.share, head.low, head.high))
+        names = "" if head.kind == "test" else f" ({'; '.join(one.name for one in head.hold_outs)})"
+        beside = "" if head is least else f"; on {least.place} {100 * least.share:.1f} %"
+        return f"On {head.place}{names} it removes {share} % of the gap ({low} to {high} %){beside}."
 
     @property
     def caveat(self) -> str:
@@ -187,4 +189,4 @@ def labelled_shares(kinds: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, M
             yield f"{kind['place']}: {own[0]['name']}", kind
         else:
             yield kind["place"], kind
-            yield from ((f"  {one['name']}", one) for one in own)
+            yield from ((f"{kind['kind']}: {one['name']}", one) for one in own)

@@ -59,11 +59,14 @@ def reported(found: Diagnosis) -> list[str]:
     if shrinkage is None:
         lines.append(f"Shrinkage on tests left out: not reported, {found.shrinkage_reason}.")
     else:
-        lines.append(
-            f"Share of the gap that is gone on tests left out in turn: {shrinkage.refitted:.3f} "
-            f"({shrinkage.low:.3f} to {shrinkage.high:.3f}); predicted {shrinkage.predicted:.3f}; "
-            f"on the raw data {shrinkage.observed:.3f}."
-        )
+        lines += [
+            "| left out of the fit | share of the gap removed | 90 % interval | on the raw data |",
+            "|---|---|---|---|",
+        ]
+        for one in shrinkage.shares:
+            interval = f"{one.low:.3f} to {one.high:.3f}"
+            lines.append(f"| {one.place} | {one.share:.3f} | {interval} | {one.observed:.3f} |")
+        lines += ["", " ".join(filter(None, (shrinkage.sentence, shrinkage.caveat)))]
     return [*lines, ""]
 
 
