@@ -162,7 +162,9 @@ class Squares:
         """Share removed in every draw, its parts drawn with replacement (bootstrap), (draws,)."""
         draws, parts = self.before.shape
         times = random.multinomial(parts, np.full(parts, 1 / parts), draws)
-        return np.asarray(1 - np.sum(times * self.after, axis=1) / np.sum(times * self.before, axis=1))
+        before, after = (np.sum(times * one, axis=1) for one in (self.before, self.after))
+        clear = before > 0  # less noise, it may be negative
+        return np.asarray(1 - np.maximum(after[clear], 0.0) / before[clear])
 
     @property
     def share(self) -> float:
