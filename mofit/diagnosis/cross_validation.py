@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.fitting import Fitted, project
 from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
 from mofit.diagnosis.integration import stable
@@ -93,6 +93,8 @@ class _Reference:
         Relative mean square of the noise of every test in the rows of ``direct``.
     moved
         Draws of the free parameters about their estimates, the first one there; (1 + draws, f).
+    hidden
+        Mean square per test that the best model may leave hidden by the noise, for every draw, (1 + draws, tests).
     direct
         Rows that the measured share counts, (m,).
     """
@@ -101,6 +103,7 @@ class _Reference:
     rows: FloatArray
     noise: FloatArray
     moved: FloatArray
+    hidden: FloatArray
     direct: NDArray[np.bool_]
     seed: int
 
@@ -111,13 +114,14 @@ class _Reference:
         noise, squares = _noise_of_tests(observed, full, observed.explainable)
         beyond = 1 - noise / np.maximum(squares, np.finfo(float).tiny)
         rest = full * np.sqrt(beyond)[observed.test] if remainder else 0.0
-        root = np.linalg.cholesky(np.linalg.inv(best.hessian))
-        moved = np.random.default_rng(seed).standard_normal((_DRAWS, len(root))) @ root.T
+        root, random = np.linalg.cholesky(np.linalg.inv(best.hessian)), np.random.default_rng(seed)
+        moved = random.standard_normal((_DRAWS, len(root))) @ root.T
+        hidden = np.zeros((1 + _DRAWS, len(noise))) if remainder else _hidden(best, random)
         significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
         direct = observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
         direct &= observed.explainable
         noise = _noise_of_tests(observed, full, direct)[0]
-        return cls(remainder, full - rest, noise, np.vstack([np.zeros(len(root)), moved]), direct, seed)
+        return cls(remainder, full - rest, noise, np.vstack([np.zeros(len(root)), moved]), hidden, direct, seed)
 
 
 @dataclass(frozen=True)
@@ -143,7 +147,7 @@ class _Predicted:
         if not (worse or self.hold_out.ran_away):
             return self
         away = replace(self.hold_out, share=0.0, low=0.0, high=0.0, ran_away=True)
-        return replace(self, hold_out=away, squares=Squares(before, before))
+        return replace(self, hold_out=away, squares=Squares(before, before, np.zeros_like(before)))
 
 
 def _share(kind: Kind, predicted: Sequence[_Predicted], seed: int) -> Share | None:
@@ -184,7 +188,8 @@ def _predicted(
             errors = np.column_stack(2 * [baseline.residual[:rows] * here])
         without, with_ = errors.T
         columns = np.column_stack([with_ - reference.rows * here, without - with_, response * here[:, None]])
-        squares = _squares(products_of_tests(observed, columns, group.tests), reference.moved)
+        products = products_of_tests(observed, columns, group.tests)
+        squares = _squares(products, reference.moved, reference.hidden[:, list(group.tests)])
         direct = reference.direct & here
         alone = _only(observed, group.tests)
         beyond = mean_squares(alone, alone.told(errors), direct) - reference.noise[list(group.tests)].sum()
@@ -201,14 +206,33 @@ def _only(observed: WhitenedData, tests: Sequence[int]) -> WhitenedData:
     return replace(observed, predictors=tuple(own if test in tests else None for (test, _, _), own in pairs))
 
 
-def _squares(products: FloatArray, moved: FloatArray) -> Squares:
+def _squares(products: FloatArray, moved: FloatArray, hidden: FloatArray) -> Squares:
     """Mean squares at draws (n, f) from products (tests, 2 + f, 2 + f) of error, gain and response."""
     one, none = np.ones((len(moved), 1)), np.zeros((len(moved), 1))
     after, before = (
         np.einsum("di,tij,dj->dt", mixed, products, mixed)
         for mixed in (np.hstack([one, none, moved]), np.hstack([one, one, moved]))
     )
-    return Squares(before, after)
+    return Squares(before, after, hidden)
+
+
+def _hidden(best: Fitted, random: np.random.Generator) -> FloatArray:
+    """Draws of what the best model leaves in every test, relative mean square, the first one its estimate.
+
+    Where nothing significant is left: the squares beyond the noise, as uncertain as the noise's power and its estimate.
+    """
+    observed = best.hypothesis.observed
+    rows, tests = len(observed.measured), range(len(observed.problem.tests))
+    told = (observed.told(best.residual[:rows]) * observed.explainable)[:, None]
+    squares = np.array([products_of_tests(observed, told, (test,))[0, 0, 0] for test in tests])
+    noise = noise_squares(observed, observed.explainable) * (1 - project(best).leverage[:rows])
+    power, freedom = (
+        np.bincount(observed.test, one, len(tests)) for one in (noise, noise * observed.degrees_of_freedom)
+    )
+    freedom = np.maximum(freedom / np.maximum(power, np.finfo(float).tiny), 1.0)
+    sd = np.sqrt(2 * np.bincount(observed.test, noise**2, len(tests)) + 2 * power**2 / freedom)
+    estimate = squares - power
+    return np.vstack([estimate, estimate + sd * random.standard_normal((_DRAWS, len(tests)))])
 
 
 def _noise_of_tests(observed: WhitenedData, residual: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:

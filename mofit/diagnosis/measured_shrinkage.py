@@ -10,7 +10,7 @@ from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.cross_validation import cross_validate
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.other_records import share_on_records
-from mofit.diagnosis.shrinkage import Shrinkage, runs_away
+from mofit.diagnosis.shrinkage import Shrinkage
 
 
 def measured_shrinkage(
@@ -21,11 +21,7 @@ def measured_shrinkage(
     if records is not None:
         share = share_on_records(found.baseline, found.best.fitted, records, seed)
         if isinstance(share, str):
-            shrinkage = replace(shrinkage, note=f"The records held out are not predicted: {share}.")
+            shrinkage = replace(shrinkage, note=f"On the records held out no share is known: {share}.")
         else:
             shrinkage = replace(shrinkage, shares=(*shrinkage.shares, share))
-    if shrinkage.shares:
-        return shrinkage, ""
-    if shrinkage.ran_away:
-        return None, f"it is not determined {runs_away(shrinkage.ran_away)}"
-    return None, shrinkage.note or "there is only one test, so none can be left out"
+    return (shrinkage, "") if shrinkage.shares else (None, shrinkage.reason)

@@ -48,7 +48,10 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
         away = not stable(np.stack([before, after]))
         after = before if away else after  # nothing is known to be removed
         noise = _noise(held, number, fits[1])
-        here, moved = (Squares(before[some] - noise, after[some] - noise) for some in (slice(1), slice(1, None)))
+        here, moved = (
+            Squares(before[some] - noise, after[some] - noise, np.zeros_like(before[some]))
+            for some in (slice(1), slice(1, None))
+        )
         samples = sum(w.count for own, _, w in held.records if own == number)
         if here.before.sum() < _CLEAR * noise.sum() * np.sqrt(2 / samples):
             return f"test '{name}' shows no clear gap beyond its noise"

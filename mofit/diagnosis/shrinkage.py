@@ -135,46 +135,62 @@ class Shrinkage:
         """What to know of the shares; empty if nothing."""
         if not self.ran_away:
             return self.note
-        away = f"Not determined {runs_away(self.ran_away)}. Where it does, nothing counts as removed."
-        return f"{away} {self.note}".strip()
+        away = f"Not determined without {_listed(self.ran_away)}: the fit to the other tests runs away"
+        return f"{away}, and nothing counts as removed there. {self.note}".strip()
+
+    @property
+    def reason(self) -> str:
+        """Why there is no share at all."""
+        if not self.ran_away:
+            return self.note or "there is only one test, so none can be left out"
+        away = (
+            f"without {_listed(self.ran_away)} the fit to the other tests runs away: they do not determine the effect"
+        )
+        return f"{away}. {self.note}".removesuffix(". ")
 
 
-def runs_away(hold_outs: Sequence[HoldOut]) -> str:
-    """Without which tests the fit to the others runs away."""
-    each = " or ".join(
+def _listed(hold_outs: Sequence[HoldOut]) -> str:
+    return " or ".join(
         one.name if one.tests == (one.name,) else f"the tests of {one.name} ({', '.join(one.tests)})"
         for one in hold_outs
     )
-    return f"without {each}: the fit to the other tests runs away, as they do not determine the effect"
 
 
 @dataclass(frozen=True)
 class Squares:
     """Mean squares of the errors on a hold-out without and with the effect: per draw of the parameters and part.
 
-    Shapes (draws, parts); parts are tests, or blocks of time of a record.
+    Shapes (draws, parts); parts are tests, or blocks of time of a record. What the noise may hide of them, ``hidden``,
+    adds to both; all parts together hide no less than nothing.
     """
 
     before: FloatArray
     after: FloatArray
+    hidden: FloatArray
 
     def resampled(self, random: np.random.Generator) -> FloatArray:
         """Share removed in every draw, its parts drawn with replacement (bootstrap), (draws,)."""
         draws, parts = self.before.shape
         times = random.multinomial(parts, np.full(parts, 1 / parts), draws)
-        before, after = (np.sum(times * one, axis=1) for one in (self.before, self.after))
-        clear = before > 0  # less noise, it may be negative
-        return np.asarray(1 - np.maximum(after[clear], 0.0) / before[clear])
+        return self._removed(times.astype(np.float64))
 
     @property
     def share(self) -> float:
         """Median over the draws of the share removed in all parts."""
-        return float(np.median(1 - self.after.sum(axis=1) / self.before.sum(axis=1)))
+        return float(np.median(self._removed(np.ones(self.before.shape[1]))))
+
+    def _removed(self, times: FloatArray) -> FloatArray:
+        sums = [np.sum(times * one, axis=1) for one in (self.before, self.after, self.hidden)]
+        before, after, hidden = (np.maximum(one, 0.0) for one in sums)
+        clear = sums[0] > 0  # less noise, it may be negative
+        return np.asarray(1 - ((after + hidden) / np.where(clear, before + hidden, 1.0))[clear])
 
 
 def joined(squares: Sequence[Squares]) -> Squares:
     """Several hold-outs as one."""
-    return Squares(*(np.concatenate([getattr(one, key) for one in squares], axis=1) for key in ("before", "after")))
+    return Squares(
+        *(np.concatenate([getattr(one, key) for one in squares], axis=1) for key in ("before", "after", "hidden"))
+    )
 
 
 def interval(shares: Sequence[FloatArray], middle: float) -> tuple[float, float]:
