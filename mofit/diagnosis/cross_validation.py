@@ -116,11 +116,11 @@ class _Reference:
         rest = full * np.sqrt(beyond)[observed.test] if remainder else 0.0
         root, random = np.linalg.cholesky(np.linalg.inv(best.hessian)), np.random.default_rng(seed)
         moved = random.standard_normal((_DRAWS, len(root))) @ root.T
-        hidden = np.zeros((1 + _DRAWS, len(noise))) if remainder else _hidden(best, random)
         significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
         direct = observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
         direct &= observed.explainable
         noise = _noise_of_tests(observed, full, direct)[0]
+        hidden = np.zeros((1 + _DRAWS, len(noise))) if remainder else _hidden(best, direct, random)
         return cls(remainder, full - rest, noise, np.vstack([np.zeros(len(root)), moved]), hidden, direct, seed)
 
 
@@ -216,21 +216,20 @@ def _squares(products: FloatArray, moved: FloatArray, hidden: FloatArray) -> Squ
     return Squares(before, after, hidden)
 
 
-def _hidden(best: Fitted, random: np.random.Generator) -> FloatArray:
-    """Draws of what the best model leaves in every test, relative mean square, the first one its estimate.
+def _hidden(best: Fitted, kept: NDArray[np.bool_], random: np.random.Generator) -> FloatArray:
+    """Draws of what the best model leaves in the rows kept of every test, relative mean square, its estimate first.
 
     Where nothing significant is left: the squares beyond the noise, as uncertain as the noise's power and its estimate.
     """
-    observed = best.hypothesis.observed
-    rows, tests = len(observed.measured), range(len(observed.problem.tests))
-    told = (observed.told(best.residual[:rows]) * observed.explainable)[:, None]
-    squares = np.array([products_of_tests(observed, told, (test,))[0, 0, 0] for test in tests])
-    noise = noise_squares(observed, observed.explainable) * (1 - project(best).leverage[:rows])
-    power, freedom = (
-        np.bincount(observed.test, one, len(tests)) for one in (noise, noise * observed.degrees_of_freedom)
+    observed, rows = best.hypothesis.observed, len(kept)
+    tests = range(len(observed.problem.tests))
+    noise = noise_squares(observed, kept) * (1 - project(best).leverage[:rows])
+    squares = _noise_of_tests(observed, best.residual[:rows], kept)[1]
+    power, squared, weighted = (
+        np.bincount(observed.test, one, len(tests)) for one in (noise, noise**2, noise * observed.degrees_of_freedom)
     )
-    freedom = np.maximum(freedom / np.maximum(power, np.finfo(float).tiny), 1.0)
-    sd = np.sqrt(2 * np.bincount(observed.test, noise**2, len(tests)) + 2 * power**2 / freedom)
+    freedom = np.maximum(weighted / np.maximum(power, np.finfo(float).tiny), 1.0)
+    sd = np.sqrt(2 * squared + 2 * power**2 / freedom)
     estimate = squares - power
     return np.vstack([estimate, estimate + sd * random.standard_normal((_DRAWS, len(tests)))])
 
