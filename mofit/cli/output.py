@@ -168,8 +168,8 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
         console.print(table)
     if shrinkage := found["shrinkage"]:
         console.print(shrinkage["sentence"])
-        if len(shrinkage["kinds"]) > 1:
-            console.print(_shares(shrinkage["kinds"]))
+        if (shares := _shares(shrinkage["kinds"])).row_count > 1:
+            console.print(shares)
         if caveat := shrinkage["caveat"]:
             console.print(caveat)
     if found["next_experiment"]:

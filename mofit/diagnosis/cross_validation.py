@@ -87,10 +87,8 @@ class _Reference:
     ----------
     remainder
         Whether the best model is known to leave something.
-    rows
-        The residual of the reference, (m,).
-    noise
-        Relative mean square of the noise of every test in the rows of ``direct``.
+    full, rows
+        The residual of the fit to all tests, and that of the reference, (m,).
     moved
         Draws of the free parameters about their estimates, the first one there; (1 + draws, f).
     hidden
@@ -100,8 +98,8 @@ class _Reference:
     """
 
     remainder: bool
+    full: FloatArray
     rows: FloatArray
-    noise: FloatArray
     moved: FloatArray
     hidden: FloatArray
     direct: NDArray[np.bool_]
@@ -119,9 +117,8 @@ class _Reference:
         significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
         direct = observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
         direct &= observed.explainable
-        noise = _noise_of_tests(observed, full, direct)[0]
         hidden = np.zeros((1 + _DRAWS, len(noise))) if remainder else _hidden(best, direct, random)
-        return cls(remainder, full - rest, noise, np.vstack([np.zeros(len(root)), moved]), hidden, direct, seed)
+        return cls(remainder, full, full - rest, np.vstack([np.zeros(len(root)), moved]), hidden, direct, seed)
 
 
 @dataclass(frozen=True)
@@ -192,7 +189,8 @@ def _predicted(
         squares = _squares(products, reference.moved, reference.hidden[:, list(group.tests)])
         direct = reference.direct & here
         alone = _only(observed, group.tests)
-        beyond = mean_squares(alone, alone.told(errors), direct) - reference.noise[list(group.tests)].sum()
+        noise, _ = _noise_of_tests(alone, reference.full, direct, group.tests)
+        beyond = mean_squares(alone, alone.told(errors), direct) - noise.sum()
         share = squares.share
         low, high = interval([squares.resampled(np.random.default_rng(reference.seed))], share)
         names = tuple(observed.problem.tests[number] for number in group.tests)
@@ -222,27 +220,29 @@ def _hidden(best: Fitted, kept: NDArray[np.bool_], random: np.random.Generator) 
     Where nothing significant is left: the squares beyond the noise, as uncertain as the noise's power and its estimate.
     """
     observed, rows = best.hypothesis.observed, len(kept)
-    tests = range(len(observed.problem.tests))
+    tests = len(observed.problem.tests)
     noise = noise_squares(observed, kept) * (1 - project(best).leverage[:rows])
     squares = _noise_of_tests(observed, best.residual[:rows], kept)[1]
     power, squared, weighted = (
-        np.bincount(observed.test, one, len(tests)) for one in (noise, noise**2, noise * observed.degrees_of_freedom)
+        np.bincount(observed.test, one, tests) for one in (noise, noise**2, noise * observed.degrees_of_freedom)
     )
     freedom = np.maximum(weighted / np.maximum(power, np.finfo(float).tiny), 1.0)
     sd = np.sqrt(2 * squared + 2 * power**2 / freedom)
     estimate = squares - power
-    return np.vstack([estimate, estimate + sd * random.standard_normal((_DRAWS, len(tests)))])
+    return np.vstack([estimate, estimate + sd * random.standard_normal((_DRAWS, tests))])
 
 
-def _noise_of_tests(observed: WhitenedData, residual: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
-    """Relative mean square of every test's noise in the rows kept, and of a residual there (m,); (2, tests).
+def _noise_of_tests(
+    observed: WhitenedData, residual: FloatArray, kept: NDArray[np.bool_], tests: Sequence[int] = ()
+) -> FloatArray:
+    """Relative mean square of the noise in the rows kept of tests (all), and of a residual (m,) there; (2, tests).
 
     The noise is no more than the residual: what repeats differently from the excitation, as a ramp, looks like noise.
     """
-    told = (observed.told(residual) * kept)[:, None]
-    tests = range(len(observed.problem.tests))
-    squares = np.array([products_of_tests(observed, told, (test,))[0, 0, 0] for test in tests])
-    noise = np.bincount(observed.test, noise_squares(observed, kept), len(tests))
+    tests = tests or range(len(observed.problem.tests))
+    told = (observed.told(np.where(kept, residual, 0.0)) * kept)[:, None]
+    squares = products_of_tests(observed, told, tests)[:, 0, 0]
+    noise = np.bincount(observed.test, noise_squares(observed, kept), len(observed.problem.tests))[list(tests)]
     return np.stack([np.minimum(noise, squares), squares])
 
 
