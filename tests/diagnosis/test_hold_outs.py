@@ -216,3 +216,18 @@ def test_with_one_test_the_records_held_out_are_all_there_is() -> None:
         true_share(found.shrinkage.headline.hold_outs, clean), abs=0.03
     )
     assert found.shrinkage.sentence in diagnosis_page(found)._repr_html_()
+
+
+def test_records_that_lack_what_the_effect_needs_have_no_share() -> None:
+    """A drift needs the time at which a test began; without it the other shares stay."""
+    found = damper_diagnosis((("drift", (("k_t", 0.002),)),), ("drift",))
+    assert found.attribution.best.effects == ("drift",)
+    (record,) = damper_campaign().select(["2Hz"]).measurements
+    timeless = replace(record, experiment=replace(record.experiment, name="timeless", start_time=None))
+    campaign = damper_campaign((("drift", (("k_t", 0.002),)),))
+    whole = replace(campaign, measurements=(*campaign.measurements, timeless))
+    again = diagnose(whole, find_model(MODEL), ("drift",), Settings(jobs=1), hold_out="timeless")
+    assert again.shrinkage is not None
+    assert summary(again)["shrinkage"]["kinds"] == summary(found)["shrinkage"]["kinds"]
+    assert again.shrinkage.caveat.startswith("On the records held out no share is known: test 'timeless': ")
+    assert "start_time" in again.shrinkage.caveat
