@@ -261,10 +261,12 @@ def diagnosis_held_out() -> Figure:
         plan = Path(folder) / "plan.toml"
         plan.write_text(ZENER_DAMPER, encoding="utf-8")
         found = mofit.diagnose(mofit.simulate(plan), mofit.find_model("kelvin_voigt_damper"))
-    assert found.shrinkage is not None
+    shrinkage = found.shrinkage and found.shrinkage.of("test")
+    assert shrinkage is not None
     figure, panels = plt.subplots(1, 3, figsize=(7.6, 2.5), layout="constrained")
     problem = found.observed.problem
-    for axes, one in zip(panels, found.shrinkage.held_out, strict=True):
+    predictions = [one for hold_out in shrinkage.hold_outs for one in hold_out.predictions]
+    for axes, one in zip(panels, predictions, strict=True):
         test = problem.measurements[problem.tests.index(one.test)]
         count = round(1 / (test.experiment.frequency * test.experiment.step))
         shown = np.unique(np.linspace(0, count, 126).astype(int))  # one period, not all of its samples

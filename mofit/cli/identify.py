@@ -130,6 +130,7 @@ def diagnose(
     model: ModelName = None,
     effects: tuple[str, ...] = (),
     test: Tests = (),
+    hold_out: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
     seed: Seed = 0,
@@ -149,6 +150,9 @@ def diagnose(
     effects
         Candidate effect; repeatable. A shipped name: only those named are tried. path/to/file.py:Name: it is tried
         beside the others. By default all shipped effects that the model admits.
+    hold_out
+        Do not use the test of this name; it is predicted once all is done, and how far the gap shrinks is measured on
+        it; repeatable.
     out
         Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
@@ -160,7 +164,7 @@ def diagnose(
         bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), seed=seed, jobs=cores(jobs)
     )
     with progress_bar() as progress, ended_in(time_limit):
-        folder, found = diagnose_file(Job(file, model, effects, (), test, settings, out), progress)
+        folder, found = diagnose_file(Job(file, model, effects, (), test, settings, out, hold_out=hold_out), progress)
     if as_json:
         print_json({**found, "folder": str(folder)})
     else:

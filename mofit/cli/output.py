@@ -167,15 +167,27 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
             table.add_row(effect["family"], effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
         console.print(table)
     if shrinkage := found["shrinkage"]:
-        share = [f"{100 * shrinkage[key]:.1f}" for key in ("refitted", "low", "high")]
-        console.print(f"On held-out tests it removes {share[0]} % of the gap ({share[1]} to {share[2]} %).")
+        console.print(shrinkage["sentence"])
+        if (shares := _shares(shrinkage["kinds"])).row_count > 1:
+            console.print(shares)
         if caveat := shrinkage["caveat"]:
-            console.print(f"{caveat[0].upper()}{caveat[1:]}")
+            console.print(caveat)
     if found["next_experiment"]:
         console.print(found["next_experiment"]["sentence"])
     for warning in found["warnings"]:
         console.print(f"warning: {warning}")
     console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}")
+
+
+def _shares(kinds: Sequence[Mapping[str, Any]]) -> Table:
+    """The share of the gap removed, by kind of hold-out, and on every group and record."""
+    from mofit.diagnosis.shrinkage import labelled_shares
+
+    table = _table("left out of the fit", "removed %", "5 %", "95 %")
+    for name, one in labelled_shares(kinds):
+        away = one.get("ran_away", False)
+        table.add_row(name, *("–" if away else f"{100 * one[key]:.1f}" for key in ("share", "low", "high")))
+    return table
 
 
 def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) -> None:

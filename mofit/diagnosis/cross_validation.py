@@ -1,19 +1,23 @@
-"""How far the gap shrinks once the effect is added, on tests that were left out of the fit."""
+"""How far the gap shrinks on tests of the campaign that were left out of the fit: each in turn, and whole groups."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.fitting import Fitted, project
+from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
 from mofit.diagnosis.integration import stable
+from mofit.diagnosis.mean_squares import mean_squares, noise_squares, products_of_tests
 from mofit.diagnosis.model_search import Attribution
+from mofit.diagnosis.predicted_shrinkage import predicted_share
+from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage, Squares, interval, joined
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
 
@@ -22,236 +26,229 @@ from mofit.optimize import RefineSettings, minimise_each
 _REFIT = RefineSettings(
     max_iterations=4, gradient_tolerance=0.0, decrease_tolerance=0.0, damping=1e-6, least_damping=1e-6
 )
+#: Without a whole group the minimum may be farther away.
+_REFIT_OF_GROUPS = RefineSettings(
+    max_iterations=20, gradient_tolerance=0.02, decrease_tolerance=1e-3, damping=1e-6, least_damping=1e-6
+)
 #: Draws of the parameters for the interval: 5 % quantiles within 1 % of probability.
 _DRAWS = 400
 #: p-value below which rotating and slow lines hold a gap that counts on the raw data.
 _P_VALUE = 0.01
-#: Standard deviations of the noise's power beyond which the linearised effect leaves a gap.
-_CLEAR = 4.0
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """Predictions of a test by fits to the others.
+def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage:
+    """Leave out one test at a time, and whole groups; fit the rest without and with the best model's effects; compare.
 
-    ``before`` and ``after`` are the outputs without and with the effect over the samples used, (n,), from ``start`` on.
+    There is no share of a kind of hold-out where hardly a fit holds in the tests that it was not fitted to.
     """
-
-    test: str
-    output: str
-    start: int
-    before: FloatArray
-    after: FloatArray
-
-
-@dataclass(frozen=True)
-class Shrinkage:
-    r"""Share of the gap that the effect removes on held-out tests.
-
-    .. math:: \eta = 1 - \frac{\sum_t g_{t, \mathrm{with}}^2}{\sum_t g_{t, \mathrm{without}}^2}
-
-    with :math:`g_t^2` the mean square of the prediction's error on test t relative to the output's range, beyond the
-    noise; every sample counts alike, however noisy.
-
-    Parameters
-    ----------
-    predicted
-        From the score test alone, before any refit.
-    refitted
-        After refits without each test in turn: the predictions against the fit to all tests.
-    low, high
-        90 % interval of the same: over the parameters' posterior, and over which tests were measured.
-    observed
-        The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
-        hides a small gap.
-    held_out
-        The predictions.
-    ran_away
-        Tests without which the fits run away. They do not count in any share but the predicted one.
-    """
-
-    predicted: float
-    refitted: float
-    low: float
-    high: float
-    observed: float
-    held_out: tuple[HeldOut, ...]
-    ran_away: tuple[str, ...] = ()
-
-    @property
-    def caveat(self) -> str:
-        """What to know of the shares; empty if nothing."""
-        if not self.ran_away:
-            return ""
-        return f"{_runs_away(self.ran_away)}. The shares are those of the other tests."
-
-
-def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: int) -> Shrinkage | str:
-    """Leave out one test at a time, fit the rest without and with the best model's effects, and compare.
-
-    Where hardly a fit holds in the test that it was not fitted to: why there is no share.
-    """
-    observed, best = found.baseline.hypothesis.observed, found.best
-    rows, names = len(observed.measured), observed.problem.tests
-    folds = [leave_one_out(fitted) for fitted in (found.baseline, best.fitted)]
-    without, with_ = (_held_out_rows(observed, model, points) for model, points in folds)
-    diverged = [not stable(np.stack([without, with_])[:, observed.test == t]) for t in range(len(names))]
-    without, with_ = (np.where(np.array(diverged)[observed.test], 0.0, errors) for errors in (without, with_))
-    full, remainder = best.fitted.residual[:rows], found.best_residuals.p_value < _P_VALUE
-    rest = full * np.sqrt(_beyond_noise(observed, full)) if remainder else 0.0
-    error, gain = with_ - full + rest, without - with_
-    after, before = np.einsum("tii->it", _products(observed, np.stack([error, error + gain], axis=1)))
-    kept = ~(diverged | (after - before > before.mean()))
-    away = tuple(name for name, holds in zip(names, kept, strict=True) if not holds)
-    if kept.sum() < min(2, len(names)) or before[kept].sum() < 0.5 * before.sum():
-        return _runs_away(away)
-    low, refitted, high = _interval(best.fitted, error, gain, kept, seed)
-    significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
-    direct = observed.explainable & observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
-    direct &= kept[observed.test]
-    errors = observed.told(np.stack([without, with_], axis=1))
-    still, whole = mean_squares(observed, errors, direct)[::-1] - _noise(observed, direct).sum()
-    raw = 1 - still / whole if whole > 0 else 0.0
+    observed = found.baseline.hypothesis.observed
+    if len(observed.problem.tests) < 2:
+        return Shrinkage(())
+    reference = _Reference.of(found, seed)
+    single = [Group(name, (number,)) for number, name in enumerate(observed.problem.tests)]
+    kinds: dict[Kind, list[_Predicted]] = {
+        "test": list(_predicted(found, reference, single, _REFIT)),
+        "group": list(_predicted(found, reference, groups(observed), _REFIT_OF_GROUPS)),
+    }
+    limit = float(np.mean([one.squares.before[0].sum() for one in kinds["test"]]))
+    judged = {kind: [one.judged(limit) for one in predicted] for kind, predicted in kinds.items()}
+    away = [one.hold_out for predicted in judged.values() for one in predicted if one.hold_out.ran_away]
+    once = {one.tests: one for one in reversed(away)}  # a test may be a group by itself
+    shares = [share for kind, predicted in judged.items() if (share := _share(kind, predicted, seed))]
     points = {one.name: one.best for one in found.score_tests}
-    added = [c.sensitivities[points[c.name]] for name in best.effects for c in candidates if c.name == name]
-    predicted = _predicted(found.baseline, added, remainder)
-    return Shrinkage(predicted, refitted, low, high, min(raw, 1.0), tuple(_predictions(observed, *folds)), away)
+    added = [c.sensitivities[points[c.name]] for name in found.best.effects for c in candidates if c.name == name]
+    predicted = predicted_share(found.baseline, added, reference.remainder)
+    return Shrinkage(tuple(shares), predicted, tuple(reversed(once.values())))
 
 
-def _runs_away(tests: Sequence[str]) -> str:
-    each = " or ".join(tests)
-    return f"without {each} the fit to the other tests runs away: they do not determine the effect"
-
-
-def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, FloatArray]:
-    """The hypothesis and its minima without one test each, (tests, d)."""
+def leave_out(
+    fitted: Fitted, tests: Sequence[Sequence[int]], settings: RefineSettings = _REFIT
+) -> tuple[Hypothesis, FloatArray]:
+    """The hypothesis and its minima without some tests each, (hold-outs, d)."""
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
-    tests, rows = len(observed.problem.tests), len(observed.measured)
-    kept = np.ones((tests, len(fitted.residual)), dtype=bool)
-    kept[:, :rows] = observed.test[None, :] != np.arange(tests)[:, None]
+    kept = np.ones((len(tests), len(fitted.residual)), dtype=bool)
+    kept[:, : len(observed.measured)] = [~np.isin(observed.test, some) for some in tests]
 
-    def without(points: FloatArray, test: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found, used = model.linear(points), kept[test]
+    def without(points: FloatArray, number: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        found, used = model.linear(points), kept[number]
         return Linear(np.where(used, found.residual, 0.0), found.jacobian * used[..., None]).normal_equations()
 
-    starts = np.repeat(fitted.minimum.point[None], tests, axis=0)
-    points = minimise_each(without, starts, _REFIT).points
+    starts = np.repeat(fitted.minimum.point[None], len(tests), axis=0)
+    points = minimise_each(without, starts, settings).points
     # what is too stiff for the test that was left out shows there alone
     return model.at_steps_for(points), points
 
 
-def _held_out_rows(observed: WhitenedData, model: Hypothesis, points: FloatArray) -> FloatArray:
-    """Residual of every row, predicted by the fit without its test, (m,)."""
-    residual = model.linear(points).residual
-    return np.asarray(residual[observed.test, np.arange(len(observed.measured))])
+@dataclass(frozen=True)
+class _Reference:
+    """What predictions are compared with: the fit to all tests and what it leaves.
 
-
-def _signals(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_]) -> list[FloatArray]:
-    """Columns of whitened rows (m, k) as signals (n, k) per record, those rows that are kept.
-
-    Relative to the range of the output and the root of n: sums of squares are relative mean squares.
+    Parameters
+    ----------
+    remainder
+        Whether the best model is known to leave something.
+    full, rows
+        The residual of the fit to all tests, and that of the reference, (m,).
+    moved
+        Draws of the free parameters about their estimates, the first one there; (1 + draws, f).
+    hidden
+        Mean square per test that the best model may leave hidden by the noise, for every draw, (1 + draws, tests).
+    direct
+        Rows that the measured share counts, (m,).
     """
-    found = []
-    for i, (_, _, w) in enumerate(observed.records):
-        here = observed.record == i
-        columns = np.where(kept[here, None], rows[here], 0.0).T
-        signals = np.stack([w.signal(column) for column in columns], axis=1)
-        found.append(signals / (observed.ranges[i] * np.sqrt(w.count)))
-    return found
+
+    remainder: bool
+    full: FloatArray
+    rows: FloatArray
+    moved: FloatArray
+    hidden: FloatArray
+    direct: NDArray[np.bool_]
+    seed: int
+
+    @classmethod
+    def of(cls, found: Attribution, seed: int) -> _Reference:
+        best, observed = found.best.fitted, found.baseline.hypothesis.observed
+        full, remainder = best.residual[: len(observed.measured)], found.best_residuals.p_value < _P_VALUE
+        noise, squares = _noise_of_tests(observed, full, observed.explainable)
+        beyond = 1 - noise / np.maximum(squares, np.finfo(float).tiny)
+        rest = full * np.sqrt(beyond)[observed.test] if remainder else 0.0
+        root, random = np.linalg.cholesky(np.linalg.inv(best.hessian)), np.random.default_rng(seed)
+        moved = random.standard_normal((_DRAWS, len(root))) @ root.T
+        significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
+        direct = observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))
+        direct &= observed.explainable
+        hidden = np.zeros((1 + _DRAWS, len(noise))) if remainder else _hidden(best, direct, random)
+        return cls(remainder, full, full - rest, np.vstack([np.zeros(len(root)), moved]), hidden, direct, seed)
 
 
-def mean_squares(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:
-    """Relative mean square of columns of whitened rows (m, k), summed over all records, (k,)."""
-    return np.sum([np.sum(signals**2, axis=0) for signals in _signals(observed, rows, kept)], axis=0)
+@dataclass(frozen=True)
+class _Predicted:
+    """A hold-out with the squares of its predictions' errors.
 
-
-def _noise(observed: WhitenedData, kept: NDArray[np.bool_]) -> FloatArray:
-    """Relative mean square of the visible noise of every row that is kept, (m,)."""
-    share = kept * observed.noise_share * observed.visible
-    return np.asarray(share * observed.variance / observed.ranges[observed.record] ** 2)
-
-
-def _beyond_noise(observed: WhitenedData, residual: FloatArray) -> float:
-    """Share of the squares of a residual (m,) that is no noise."""
-    square = float(mean_squares(observed, observed.told(residual)[:, None], observed.explainable)[0])
-    return max(1 - float(_noise(observed, observed.explainable).sum()) / square, 0.0)
-
-
-def _products(observed: WhitenedData, columns: FloatArray) -> FloatArray:
-    """Relative mean products of columns of whitened rows (m, k) in every test, (tests, k, k)."""
-    found = np.zeros((len(observed.problem.tests), columns.shape[1], columns.shape[1]))
-    for (test, _, _), signals in zip(observed.records, _signals(observed, columns, observed.explainable), strict=True):
-        found[test] += signals.T @ signals
-    return found
-
-
-def _interval(
-    fitted: Fitted, error: FloatArray, gain: FloatArray, kept: NDArray[np.bool_], seed: int
-) -> tuple[float, float, float]:
-    """5 %, 50 % and 95 % quantiles of the share over the posterior of the parameters, the outer ones over tests too.
-
-    From the ``error`` of the predictions without the test against the fit to all, (m,), and their ``gain`` by the
-    effect, (m,), in the tests that are ``kept``. Tests are drawn with replacement (bootstrap): where they disagree, one
-    test more or less would have given another share.
+    Parameters
+    ----------
+    squares
+        Against the reference, at every draw of the parameters, the first one at their estimates.
+    observed
+        Against the measured outputs beyond the noise, without and with the effect.
     """
-    random, root = np.random.default_rng(seed), np.linalg.cholesky(np.linalg.inv(fitted.hessian))
-    moved = random.standard_normal((_DRAWS, len(root))) @ root.T
-    columns = np.column_stack([error, gain, -fitted.jacobian[: len(error), fitted.free]])
-    products = _products(fitted.hypothesis.observed, columns)[kept]
-    one, none = np.ones((_DRAWS, 1)), np.zeros((_DRAWS, 1))
+
+    hold_out: HoldOut
+    squares: Squares
+    observed: FloatArray
+
+    def judged(self, limit: float) -> _Predicted:
+        """The same, nothing being removed where the fit runs away: worse by more than the limit per test."""
+        before, after = self.squares.before, self.squares.after
+        worse = after[0].sum() - before[0].sum() > limit * before.shape[1]
+        if not (worse or self.hold_out.ran_away):
+            return self
+        away = replace(self.hold_out, share=0.0, low=0.0, high=0.0, ran_away=True)
+        return replace(self, hold_out=away, squares=Squares(before, before, np.zeros_like(before)))
+
+
+def _share(kind: Kind, predicted: Sequence[_Predicted], seed: int) -> Share | None:
+    """The share on hold-outs of one kind, if there are any and most of the gap lies where fits hold."""
+    held = [one for one in predicted if not one.hold_out.ran_away]
+    gaps = [sum(float(one.squares.before[0].sum()) for one in some) for some in (held, predicted)]
+    fewest = min(2, len(predicted)) if kind == "test" else 1
+    if len(held) < fewest or gaps[0] < 0.5 * gaps[1]:
+        return None
+    whole, holding = ([one.squares for one in some] for some in (predicted, held))
+    middle, random = joined(whole).share, np.random.default_rng(seed)
+    if kind == "test":  # the share on tests like these; a group stands for another one
+        whole, holding = [joined(whole)], [joined(holding)]
+    low, _ = interval([one.resampled(random) for one in whole], middle)
+    _, high = interval([one.resampled(random) for one in holding], middle)
+    before, after = np.sum([one.observed for one in held], axis=0)
+    raw = 1 - after / before if before > 0 else 0.0
+    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted))
+
+
+def _predicted(
+    found: Attribution, reference: _Reference, left_out: Sequence[Group], settings: RefineSettings
+) -> Iterator[_Predicted]:
+    """Predictions without and with the effect, by fits without each of these."""
+    if not left_out:
+        return
+    baseline, best = found.baseline, found.best.fitted
+    observed, rows = baseline.hypothesis.observed, len(reference.rows)
+    folds = [leave_out(fitted, [one.tests for one in left_out], settings) for fitted in (baseline, best)]
+    residuals = [model.linear(points).residual[:, :rows] for model, points in folds]
+    outputs = [[test for test, _ in model.outputs(points)] for model, points in folds]
+    response = -best.jacobian[:rows, best.free]
+    for k, group in enumerate(left_out):
+        here = np.isin(observed.test, group.tests)
+        errors = np.where(here[:, None], np.stack([residual[k] for residual in residuals], axis=1), 0.0)
+        diverged = not stable(errors)
+        if diverged:  # nothing is known to be removed of the gap that the fit to all tests shows
+            errors = np.column_stack(2 * [baseline.residual[:rows] * here])
+        without, with_ = errors.T
+        columns = np.column_stack([with_ - reference.rows * here, without - with_, response * here[:, None]])
+        products = products_of_tests(observed, columns, group.tests)
+        squares = _squares(products, reference.moved, reference.hidden[:, list(group.tests)])
+        direct = reference.direct & here
+        alone = _only(observed, group.tests)
+        noise, _ = _noise_of_tests(alone, reference.full, direct, group.tests)
+        beyond = mean_squares(alone, alone.told(errors), direct) - noise.sum()
+        share = squares.share
+        low, high = interval([squares.resampled(np.random.default_rng(reference.seed))], share)
+        names = tuple(observed.problem.tests[number] for number in group.tests)
+        series = tuple(_series(observed, group.tests, [[test[k] for test in side] for side in outputs]))
+        yield _Predicted(HoldOut(group.name, names, share, low, high, diverged, series), squares, beyond)
+
+
+def _only(observed: WhitenedData, tests: Sequence[int]) -> WhitenedData:
+    """The same, but what past inputs predict is sought in some tests alone."""
+    pairs = zip(observed.records, observed.predictors, strict=False)
+    return replace(observed, predictors=tuple(own if test in tests else None for (test, _, _), own in pairs))
+
+
+def _squares(products: FloatArray, moved: FloatArray, hidden: FloatArray) -> Squares:
+    """Mean squares at draws (n, f) from products (tests, 2 + f, 2 + f) of error, gain and response."""
+    one, none = np.ones((len(moved), 1)), np.zeros((len(moved), 1))
     after, before = (
         np.einsum("di,tij,dj->dt", mixed, products, mixed)
         for mixed in (np.hstack([one, none, moved]), np.hstack([one, one, moved]))
     )
-    middle = float(np.median(1 - after.sum(axis=1) / before.sum(axis=1)))
-    times = random.multinomial(len(products), np.full(len(products), 1 / len(products)), _DRAWS)
-    low, high = np.quantile(1 - np.sum(times * after, axis=1) / np.sum(times * before, axis=1), (0.05, 0.95))
-    return min(float(low), middle), middle, max(float(high), middle)
+    return Squares(before, after, hidden)
 
 
-def _predicted(baseline: Fitted, added: Sequence[FloatArray], remainder: bool) -> float:
-    """The share that the linearised models remove on each test when fitted to the others.
+def _hidden(best: Fitted, kept: NDArray[np.bool_], random: np.random.Generator) -> FloatArray:
+    """Draws of what the best model leaves in the rows kept of every test, relative mean square, its estimate first.
 
-    What they leave counts only if the best model is known to leave a ``remainder``: a strong effect bends its own
-    direction, and the linear rest of that does not count.
+    Where nothing significant is left: the squares beyond the noise, as uncertain as the noise's power and its estimate.
     """
-    observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
-    model = -baseline.jacobian[:, baseline.free]
-    both = np.concatenate([model, *added], axis=1)
-    told = observed.told(np.column_stack([baseline.residual[:rows], both[:rows]]))
-    signals = _signals(observed, told, observed.explainable)
-    gap, uncertain, left = 0.0, 0.0, 0.0
-    for t in range(len(observed.problem.tests)):
-        fitted_to = np.ones(len(model), dtype=bool)
-        fitted_to[:rows] = observed.test != t
-        residual = baseline.residual[fitted_to]
-        (alone, _), (shift, covariance) = (_solved(columns[fitted_to], residual) for columns in (model, both))
-        for (test, _, _), here in zip(observed.records, signals, strict=True):
-            if test == t:
-                columns = here[:, 1:]
-                gap += float(np.sum((columns @ shift - columns[:, : len(alone)] @ alone) ** 2))
-                uncertain += float(np.sum(covariance * (columns.T @ columns)))
-                left += float(np.sum((here[:, 0] - columns @ shift) ** 2))
-    # what is left beyond noise and uncertainty, if that is no chance
-    noise = _noise(observed, observed.explainable)
-    left -= float(noise.sum()) + uncertain
-    clear = _CLEAR * float(np.sqrt(2 * noise @ noise))
-    uncertain += left if remainder and left > clear else 0.0
-    return 1 - uncertain / (gap + uncertain) if gap > 0 else 0.0
+    observed, rows = best.hypothesis.observed, len(kept)
+    tests = len(observed.problem.tests)
+    noise = noise_squares(observed, kept) * (1 - project(best).leverage[:rows])
+    squares = _noise_of_tests(observed, best.residual[:rows], kept)[1]
+    power, squared, weighted = (
+        np.bincount(observed.test, one, tests) for one in (noise, noise**2, noise * observed.degrees_of_freedom)
+    )
+    freedom = np.maximum(weighted / np.maximum(power, np.finfo(float).tiny), 1.0)
+    sd = np.sqrt(2 * squared + 2 * power**2 / freedom)
+    estimate = squares - power
+    return np.vstack([estimate, estimate + sd * random.standard_normal((_DRAWS, tests))])
 
 
-def _solved(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least-squares solution and its covariance; scaled, as effects have sizes of their own."""
-    scale = np.linalg.norm(columns, axis=0)
-    scaled = columns / scale
-    inverse = np.linalg.inv(scaled.T @ scaled + 1e-12 * np.eye(len(scale))) / np.outer(scale, scale)
-    return inverse @ (columns.T @ residual), inverse
+def _noise_of_tests(
+    observed: WhitenedData, residual: FloatArray, kept: NDArray[np.bool_], tests: Sequence[int] = ()
+) -> FloatArray:
+    """Relative mean square of the noise in the rows kept of tests (all), and of a residual (m,) there; (2, tests).
+
+    The noise is no more than the residual: what repeats differently from the excitation, as a ramp, looks like noise.
+    """
+    tests = tests or range(len(observed.problem.tests))
+    told = (observed.told(np.where(kept, residual, 0.0)) * kept)[:, None]
+    squares = products_of_tests(observed, told, tests)[:, 0, 0]
+    noise = np.bincount(observed.test, noise_squares(observed, kept), len(observed.problem.tests))[list(tests)]
+    return np.stack([np.minimum(noise, squares), squares])
 
 
-def _predictions(
-    observed: WhitenedData, before: tuple[Hypothesis, FloatArray], after: tuple[Hypothesis, FloatArray]
-) -> Iterator[HeldOut]:
-    outputs = [model.outputs(points) for model, points in (before, after)]
+def _series(observed: WhitenedData, tests: Sequence[int], outputs: Sequence[Sequence[FloatArray]]) -> Iterator[HeldOut]:
+    """Predictions of some tests from the outputs (samples, outputs) of all, without and with the effect."""
     for test, output, w in observed.records:
-        series = [found[test][0][test, w.start : w.start + w.count, output] for found in outputs]
-        yield HeldOut(observed.problem.tests[test], observed.problem.model.outputs[output].name, w.start, *series)
+        if test in tests:
+            series = [side[test][w.start : w.start + w.count, output] for side in outputs]
+            yield HeldOut(observed.problem.tests[test], observed.problem.model.outputs[output].name, w.start, *series)

@@ -13,19 +13,20 @@ from mofit.data import Campaign
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.cross_validation import Shrinkage, cross_validate
 from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.main_cause import Case, investigate, main_causes, stands_out
+from mofit.diagnosis.measured_shrinkage import measured_shrinkage
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
 from mofit.diagnosis.refit import share_left
 from mofit.diagnosis.residual_map import homogeneity
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
-from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
@@ -40,6 +41,7 @@ def diagnose(
     settings: Settings | None = None,
     *,
     tests: str | Sequence[str] = (),
+    hold_out: str | Sequence[str] = (),
     diagnosis: DiagnosisSettings | None = None,
     simulators: SimulatorCache | None = None,
     progress: Progress = silent,
@@ -59,6 +61,9 @@ def diagnose(
         Bounds, fixed parameters, seed, threads; the rest is for identifications.
     tests
         Name or names of the tests; all of the model's kinds if none is named.
+    hold_out
+        Name or names of tests that are not used at all, but predicted once all is done: how far the gap shrinks is
+        measured on them.
     diagnosis
         Settings of the method.
     simulators
@@ -75,7 +80,9 @@ def diagnose(
     campaign, model = as_campaign(campaign), as_model(model)
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
     build_system(model)  # what is wrong with it is told before anything else
-    tests = choose_tests(model, campaign, as_names(tests))
+    whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
+    tests = remaining_tests(model, campaign, whole, as_names(tests))
+    records = whole.select(as_names(hold_out)) if hold_out else None
     selected = campaign.select(tests)
     named, left_out = choose_effects(model, selected, as_names(effects))
     scales = data_scales(model, selected)
@@ -87,7 +94,7 @@ def diagnose(
     baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
     observed = baseline.hypothesis.observed
     first = investigate(baseline, chosen, rules, progress)
-    case, ending = _graded(first, observed, chosen, settings.seed, progress)
+    case, ending = _graded(first, observed, chosen, records, settings.seed, progress)
     found, conclusion = ending.found, ending.conclusion
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
@@ -123,7 +130,7 @@ class _Ending:
     reason: str
 
 
-def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -> _Ending:
+def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: int, progress: Progress) -> _Ending:
     found, candidates, share = case.found, case.candidates, None
     if case.ignored or found.best_residuals.p_value < case.settings.residual_p_value:
         remainder = float(np.hypot(case.ignored, case.after.relative))
@@ -132,11 +139,12 @@ def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -
         found = with_final_estimates(found, observed, remainder, reported)
         share = share_left(found.best.fitted, found.baseline)
         candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
-    reason = _why_no_shrinkage(case, len(observed.problem.tests))
+    reason = _why_no_shrinkage(case)
     progress("held-out tests", 0, 1, "")
-    validated = reason or cross_validate(found, candidates, seed)
-    shrinkage, reason = (None, validated) if isinstance(validated, str) else (validated, "")
-    removed = shrinkage.refitted if shrinkage else 0.0
+    shrinkage, reason = (None, reason) if reason else measured_shrinkage(found, candidates, records, seed)
+    # the cause is graded by tests like those that named it; how far its law reaches is another question
+    alike = shrinkage.of("test") if shrinkage else None
+    removed = alike.share if alike else 0.0
     if len(observed.problem.tests) < 2:  # what the fit to it leaves must do
         removed = 1 - share_left(found.best.fitted, found.baseline)
     if not (case.is_main and stands_out(found, case.settings)):
@@ -147,15 +155,20 @@ def _ending(case: Case, observed: WhitenedData, seed: int, progress: Progress) -
 
 
 def _graded(
-    first: Case, observed: WhitenedData, effects: Sequence[Effect], seed: int, progress: Progress
+    first: Case,
+    observed: WhitenedData,
+    effects: Sequence[Effect],
+    records: Campaign | None,
+    seed: int,
+    progress: Progress,
 ) -> tuple[Case, _Ending]:
     """The case with its ending; where it explains the gap by nothing, that of a main cause if there is one."""
     if first.conclusion.verdict == "unknown":
         for case in main_causes(first, effects, seed, progress):
-            ending = _ending(case, observed, seed, progress)
+            ending = _ending(case, observed, records, seed, progress)
             if ending.conclusion.verdict != "unknown":
                 return case, ending
-    return first, _ending(first, observed, seed, progress)
+    return first, _ending(first, observed, records, seed, progress)
 
 
 def _at_ends(found: Attribution) -> tuple[str, ...]:
@@ -178,13 +191,13 @@ def _at_most(found: Attribution, rules: DiagnosisSettings) -> tuple[str, ...]:
     return (f"No more than {tried} effects are tried at once, and more than noise is left: there may be one more.",)
 
 
-def _why_no_shrinkage(case: Case, tests: int) -> str:
-    """Why the shrinkage is not reported; empty if it is."""
+def _why_no_shrinkage(case: Case) -> str:
+    """Why the shrinkage is not reported, whatever was left out; empty if it is."""
     if case.conclusion.verdict == "none":
         return "there is no gap"
     if case.conclusion.verdict == "unknown" and not case.is_main:
         return "none of the known effects explains the gap"
-    return "there is only one test, so none can be left out" if tests < 2 else ""
+    return ""
 
 
 def _nrmsd(fitted: Fitted) -> dict[str, float]:

@@ -10,12 +10,12 @@ import numpy as np
 
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.conclusion import Conclusion
-from mofit.diagnosis.cross_validation import Shrinkage
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
 from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
+from mofit.diagnosis.shrinkage import Share, Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.simulation import first_input
 
@@ -90,7 +90,6 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data, every number in SI units."""
     conclusion, shrinkage, following = diagnosis.conclusion, diagnosis.shrinkage, diagnosis.next_experiment
     found = diagnosis.attribution
-    shares = ("predicted", "refitted", "low", "high", "observed", "caveat")
     return {
         "schema": SCHEMA,
         "verdict": conclusion.verdict,
@@ -101,7 +100,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "candidate_models": [list(one.effects) for one in conclusion.indistinguishable],
         "where": _where(diagnosis.before, found.baseline_residuals),
         "residual": _where(diagnosis.after, found.best_residuals) | _left(diagnosis),
-        "shrinkage": None if shrinkage is None else {key: getattr(shrinkage, key) for key in shares},
+        "shrinkage": None if shrinkage is None else _shrinkage(shrinkage),
         "shrinkage_reason": diagnosis.shrinkage_reason,
         "next_experiment": None if following is None else asdict(following),
         "candidates": [_candidate(found, one) for one in found.score_tests],
@@ -118,6 +117,25 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise_floor": dict(diagnosis.noise_floor),
         "seconds": diagnosis.seconds,
     }
+
+
+def _shrinkage(shrinkage: Shrinkage) -> dict[str, Any]:
+    """The headline, and every kind of hold-out, the most demanding one last."""
+    headline = shrinkage.headline
+    return {
+        "sentence": shrinkage.sentence,
+        **{key: getattr(headline, key) for key in ("kind", "share", "low", "high", "observed")},
+        "predicted": shrinkage.predicted,
+        "caveat": shrinkage.caveat,
+        "kinds": [_share(one) for one in shrinkage.shares],
+    }
+
+
+def _share(one: Share) -> dict[str, Any]:
+    own = ("name", "tests", "share", "low", "high", "ran_away")
+    hold_outs = [{key: getattr(hold_out, key) for key in own} for hold_out in one.hold_outs]
+    values = {key: getattr(one, key) for key in ("kind", "place", "share", "low", "high", "observed")}
+    return {**values, "hold_outs": [{**hold_out, "tests": list(hold_out["tests"])} for hold_out in hold_outs]}
 
 
 def _where(located: ResidualMap, residuals: Residuals) -> dict[str, Any]:

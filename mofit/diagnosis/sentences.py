@@ -38,7 +38,7 @@ def _best_law(family: str, title: str) -> str:
 
 def left_over(share: float, location: Location | None) -> str:
     """How much of the gap's mean square is left, and where most of that lies."""
-    left = f"{100 * share:.0f} % of its mean square is left"
+    left = f"{100 * share:.0f} % of its mean square is left in the fit to all tests"
     if location is None:
         return left
     lines = _PHRASES.get(location.lines, "")

@@ -39,7 +39,7 @@ class Job:
     resume: bool = False
     """Resume an interrupted identification."""
     hold_out: tuple[str, ...] = ()
-    """Tests that an identification does not use, but predicts."""
+    """Tests that are not used, but predicted."""
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
@@ -63,9 +63,10 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     campaign, model = _inputs(job, progress)
     effects, seed = list(job.effects), job.settings.seed
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
+    configuration |= {"hold_out": list(job.hold_out)} if job.hold_out else {}
     tests = _tests(campaign, model, job)
     with run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False) as folder:
-        found = diagnose(campaign, model, effects, job.settings, tests=tests, progress=progress)
+        found = diagnose(campaign, model, effects, job.settings, tests=tests, hold_out=job.hold_out, progress=progress)
         progress("write", 0, 1, "page")
         write_diagnosis(found, folder.partial)
     return folder.target, plain(found)

@@ -190,10 +190,12 @@ def diagnose_blindly(campaign: Path, removed: str | None, target: Path) -> None:
         admitted, _ = choose_effects(model, measured.select(choose_tests(model, measured)))
         names = tuple(effect.name for effect in admitted if effect.name != removed)
     found = diagnose(measured, model, names, Settings(jobs=1), simulators=_simulators())
-    if found.shrinkage is not None:
+    alone = found.shrinkage and found.shrinkage.of("test")
+    if alone:
         arrays = {
             f"{one.test}/{key}": np.asarray(getattr(one, key))
-            for one in found.shrinkage.held_out
+            for hold_out in alone.hold_outs
+            for one in hold_out.predictions
             for key in ("start", "before", "after")
         }
         np.savez_compressed(target / f"{campaign.stem}.npz", allow_pickle=False, **arrays)

@@ -271,12 +271,18 @@ def _next_best(p: Pairing) -> float:
 
 
 def _shrinkage(found: Sequence[Pairing]) -> dict[str, Any]:
-    reported = [p for p in found if p.result.get("shrinkage") and p.actual is not None]
-    said = [p.result["shrinkage"] for p in reported]
-    actual = [p.actual for p in reported]
+    told = [(p.result["shrinkage"], p.actual) for p in found if p.result.get("shrinkage") and p.actual is not None]
+    # the truth is known on tests left out in turn
+    reported = [
+        (kind | {"predicted": shrinkage["predicted"]}, actual)
+        for shrinkage, actual in told
+        for kind in shrinkage["kinds"]
+        if kind["kind"] == "test"
+    ]
+    said, actual = [one for one, _ in reported], [one for _, one in reported]
     return {
         "predicted_off": spread([abs(s["predicted"] - a) for s, a in zip(said, actual, strict=True)]),
-        "refitted_off": spread([abs(s["refitted"] - a) for s, a in zip(said, actual, strict=True)]),
+        "refitted_off": spread([abs(s["share"] - a) for s, a in zip(said, actual, strict=True)]),
         "covered": share(s["low"] <= a <= s["high"] for s, a in zip(said, actual, strict=True)),
         "not_reported": len(found) - len(reported),
     }

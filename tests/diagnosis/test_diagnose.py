@@ -113,18 +113,21 @@ def test_a_diagnosis_shows_its_page_in_a_notebook() -> None:
 
 
 def test_shrinkage_is_that_of_the_truth() -> None:
-    found, clean = damper_diagnosis(FRICTION).shrinkage, truth(FRICTION)
+    shrinkage, clean = damper_diagnosis(FRICTION).shrinkage, truth(FRICTION)
+    assert shrinkage is not None
+    found = shrinkage.of("test")
     assert found is not None
     left = [
         np.mean((clean[one.test][one.start :][: len(one.after)] - prediction) ** 2) / np.ptp(clean[one.test]) ** 2
         for prediction_of in ("before", "after")
-        for one in found.held_out
+        for hold_out in found.hold_outs
+        for one in hold_out.predictions
         for prediction in [getattr(one, prediction_of)]
     ]
     half = len(left) // 2
     actual = 1 - sum(left[half:]) / sum(left[:half])
-    assert found.refitted == pytest.approx(actual, abs=0.01)
-    assert found.predicted == pytest.approx(actual, abs=0.02)
+    assert found.share == pytest.approx(actual, abs=0.01)
+    assert shrinkage.predicted == pytest.approx(actual, abs=0.02)
     assert found.low - 0.01 < actual < found.high + 0.01
 
 
@@ -187,7 +190,7 @@ def test_summary_is_plain_data_with_the_promised_keys() -> None:
     assert set(found) >= KEYS
     again = json.loads(json.dumps(found, allow_nan=False))
     assert again["effects"][0].keys() >= {"name", "probability", "size", "size_low", "size_high", "unit"}
-    assert again["shrinkage"].keys() >= {"predicted", "refitted", "low", "high"}
+    assert again["shrinkage"].keys() >= {"predicted", "kind", "share", "low", "high", "kinds"}
 
 
 def test_the_same_seed_gives_the_same_numbers() -> None:

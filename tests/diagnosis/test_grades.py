@@ -44,8 +44,9 @@ def test_friction_with_a_law_of_its_own_is_friction_for_the_most_part() -> None:
     assert [family.name for family in conclusion.families] == ["friction"]
     assert conclusion.sentence.startswith("Friction causes most of the gap (best law: dry friction (Dahl)); ")
     assert "most of it on odd harmonics" in conclusion.sentence
-    assert found.shrinkage is not None
-    assert found.shrinkage.refitted == pytest.approx(1 - conclusion.residual_share, abs=0.1)
+    alone = found.shrinkage and found.shrinkage.of("test")
+    assert alone
+    assert alone.share == pytest.approx(1 - conclusion.residual_share, abs=0.1)
     assert found.next_experiment is None
 
 

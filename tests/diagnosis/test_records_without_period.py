@@ -101,6 +101,7 @@ def test_friction_under_coloured_noise_is_a_gap_and_named() -> None:
     assert found.conclusion.verdict == "effect"
     assert found.conclusion.effects[0].name == "dry_friction"
     assert found.after.gap < 0.3 * found.before.gap
-    assert found.shrinkage is not None
-    assert found.shrinkage.low < found.shrinkage.observed + 0.05
-    assert found.shrinkage.refitted > 0.9
+    alone = found.shrinkage and found.shrinkage.of("test")
+    assert alone
+    assert alone.low < alone.observed + 0.05
+    assert alone.share > 0.9

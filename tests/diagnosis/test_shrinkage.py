@@ -7,6 +7,7 @@ from damper_rig import damper_diagnosis
 
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.result import summary
+from mofit.diagnosis.shrinkage import HoldOut
 from mofit.identification.settings import Settings
 from mofit.models import find_model
 from mofit.simulation.virtual_rig import plan as plans
@@ -47,10 +48,11 @@ def test_a_fit_that_runs_away_is_told_beside_the_shares_of_the_others() -> None:
     found = damper_diagnosis(FRICTION)
     assert found.shrinkage is not None
     assert found.shrinkage.caveat == ""
-    one_away = replace(found, shrinkage=replace(found.shrinkage, ran_away=("4Hz",)))
+    away = HoldOut("4Hz", ("4Hz",), 0.0, 0.0, 0.0, ran_away=True)
+    one_away = replace(found, shrinkage=replace(found.shrinkage, ran_away=(away,)))
     caveat = summary(one_away)["shrinkage"]["caveat"]
-    assert "without 4Hz" in caveat
-    assert caveat[1:] in one_away._repr_html_()
+    assert caveat.startswith("Not determined without 4Hz: ")
+    assert caveat in one_away._repr_html_()
 
 
 def test_the_interval_is_as_wide_as_the_tests_disagree() -> None:
@@ -59,11 +61,24 @@ def test_the_interval_is_as_wide_as_the_tests_disagree() -> None:
     data = campaign((*small, (0.02, 1.0, 6)), 3e7, seed=2, noise=20.0)
     model, names = find_model("kelvin_voigt_damper"), ("cubic_stiffness", "delay")
     found = diagnose(data, model, names, Settings(jobs=1))
-    doubtful, exact = found.shrinkage, damper_diagnosis(FRICTION).shrinkage
-    assert exact is not None
-    assert exact.low <= exact.refitted <= exact.high < exact.low + 0.05
+    doubtful, exact = (one and one.of("test") for one in (found.shrinkage, damper_diagnosis(FRICTION).shrinkage))
+    assert exact
+    assert exact.low <= exact.share <= exact.high < exact.low + 0.05
     # it depends on the noise whether the fit to the small strokes alone runs away
     if doubtful is None:
         assert found.shrinkage_reason.startswith("without 3 the fit to the other tests runs away")
     else:
         assert doubtful.low + 0.5 < doubtful.high
+
+
+def test_where_a_fit_runs_away_nothing_counts_as_removed() -> None:
+    """Without the large strokes the small ones say little of a cubic spring: the lower end counts that, by name."""
+    strokes = (*((0.001, frequency, periods) for _, frequency, periods in SMALL), (0.02, 1.0, 6), (0.02, 0.5, 4))
+    data = campaign(strokes, 3e7, noise=20.0)
+    found = diagnose(data, find_model("kelvin_voigt_damper"), ("cubic_stiffness", "delay"), Settings(jobs=1))
+    assert found.shrinkage is not None
+    assert found.shrinkage.caveat.startswith("Not determined without the tests of largest amplitude (3, 4): ")
+    # the group holds nearly all of the gap, so that no share of groups is left to tell
+    assert found.shrinkage.of("group") is None
+    assert found.shrinkage.headline.kind == "test"
+    assert found.shrinkage.headline.share > 0.9

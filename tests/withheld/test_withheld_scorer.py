@@ -140,7 +140,8 @@ def test_partly_is_right_if_the_family_is():
 
 
 def test_shrinkage_and_size_of_what_was_named_exactly():
-    shrinkage = {"predicted": 0.9, "refitted": 0.94, "low": 0.93, "high": 0.97}
+    alone = {"kind": "test", "share": 0.94, "low": 0.93, "high": 0.97}
+    shrinkage = {"predicted": 0.9, "kinds": [alone]}
     entry = hidden("effect", "delay", size=2.0)
     rows = [
         Pairing("a", entry, said("effect", "delay", size=2.1, shrinkage=shrinkage), 0.95),

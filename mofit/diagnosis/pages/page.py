@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mofit.diagnosis.pages.effects import effects_section, ruled_out_section
+from mofit.diagnosis.pages.hold_outs import hold_out_blocks
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
 from mofit.diagnosis.result import Diagnosis, page_data
 from mofit.report import Page
@@ -67,15 +68,15 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
     if where["residuals"]:
         key_figures.append((percent(where["of_peak"]), "of the output's peak, where the gap is largest"))
     if shrinkage:
-        interval = f"{percent(shrinkage['low'])} to {percent(shrinkage['high'])}"
-        removed = f"of the gap removed on held-out tests (90 % interval: {interval})"
-        key_figures.append((percent(shrinkage["refitted"]), removed))
-        key_figures.append((percent(shrinkage["predicted"]), "predicted by the score test, before any refit"))
+        headline = shrinkage["kinds"][-1]
+        interval = f"{percent(headline['low'])} to {percent(headline['high'])}"
+        removed = f"of the gap removed on {headline['place']} (90 % interval: {interval})"
+        key_figures.append((percent(headline["share"]), removed))
     blocks: list[Block] = [banner(data["sentence"], _GRADES[data["verdict"]]), cards(key_figures)]
     if not shrinkage:
         blocks.append(Text(f"The shrinkage is not reported: {data['shrinkage_reason']}."))
-    elif caveat := shrinkage["caveat"]:
-        blocks.append(Text(f"{caveat[0].upper()}{caveat[1:]}"))
+    else:
+        blocks.append(Text(" ".join(filter(None, (shrinkage["sentence"], shrinkage["caveat"])))))
     if data["next_experiment"]:
         blocks.append(Text(Markup("<b>What to test next.</b> {}").format(data["next_experiment"]["sentence"])))
     keys = ("verdict", "sentence", "effects", "group", "shrinkage", "shrinkage_reason", "next_experiment")
@@ -93,7 +94,7 @@ def shrinkage_section(data: Mapping[str, Any]) -> Section:
         of = f" of {name}" if len(outputs) > 1 else ""
         panes |= {f"Loops{of}": [_loops(periodic, unit)]} if periodic else {}
         panes[f"Residuals{of}"] = [_residuals(records, display_unit(records[0]["output_unit"], 0.0))]
-    blocks: list[Block] = [_errors(data), *tabs(panes)]
+    blocks: list[Block] = [*hold_out_blocks(data["shrinkage"]), _errors(data), *tabs(panes)]
     keys = ("nrmsd_before", "nrmsd_after", "noise_floor", "shrinkage", "records")
     return Section("shrinkage", "How far it shrinks", blocks, {key: data[key] for key in keys})
 
@@ -172,7 +173,9 @@ def closing_section(data: Mapping[str, Any]) -> Section:
             "criterion compares the models. It charges for every parameter and for the selection.",
             "Residual tests": "The residual of the best model is tested class by class and line by line. If much more "
             "than noise is left, the effect explains the gap in part, or none of the known effects does.",
-            "Held-out tests": "Each test is predicted by fits to the others, without and with the effect.",
+            "Hold-outs": "Each test, and whole groups of tests, are predicted by fits to the others, without and with "
+            "the effect; records held out by fits that never saw them. A group is the tests of largest amplitude or "
+            "highest frequency (within a factor of √2 of the largest), or of one procedure.",
             "Noise floor (NRMSD)": f"{floors}.",
             "Processor time": f"{data['seconds']:.1f} s.",
         },

@@ -1,0 +1,210 @@
+"""How far the gap shrinks once the effect is added, by kind of hold-out: what the result holds and says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mofit._typing import FloatArray
+
+#: What is left out of the fit, the least demanding kind first: a test, a group of tests, records of another kind.
+Kind = Literal["test", "group", "records"]
+KINDS: tuple[Kind, ...] = ("test", "group", "records")
+_PLACES = {"test": "tests left out in turn", "group": "whole groups of tests left out", "records": "records held out"}
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Predictions of a test by fits to others.
+
+    ``before`` and ``after`` are the outputs without and with the effect over the samples used, (n,), from ``start`` on.
+    """
+
+    test: str
+    output: str
+    start: int
+    before: FloatArray
+    after: FloatArray
+
+
+@dataclass(frozen=True)
+class HoldOut:
+    """One hold-out: what was left out of the fit, and the share of the gap that the effect removes there.
+
+    Parameters
+    ----------
+    name
+        Of the test, or of what the tests of a group have in common.
+    tests
+        Those left out.
+    share, low, high
+        Share of their gap, with its 90 % interval; 0 where the fit runs away.
+    ran_away
+        Whether the fit to the other tests runs away: nothing is removed, then.
+    predictions
+        Of the tests left out.
+    """
+
+    name: str
+    tests: tuple[str, ...]
+    share: float
+    low: float
+    high: float
+    ran_away: bool = False
+    predictions: tuple[HeldOut, ...] = ()
+
+
+@dataclass(frozen=True)
+class Share:
+    r"""Share of the gap that the effect removes on hold-outs of one kind.
+
+    .. math:: \eta = 1 - \frac{\sum_t g_{t, \mathrm{with}}^2}{\sum_t g_{t, \mathrm{without}}^2}
+
+    with :math:`g_t^2` the mean square of the prediction's error on test t relative to the output's range, beyond the
+    noise; every sample counts alike, however noisy.
+
+    Parameters
+    ----------
+    share
+        Of tests and groups: of the predictions against the fit to all tests and what it leaves. Of records: against the
+        measured outputs. Hold-outs without which the fit runs away count as nothing removed.
+    low, high
+        90 % interval of the same; the upper end is that of the hold-outs that hold.
+    observed
+        The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
+        hides a small gap. Of the hold-outs that hold.
+    """
+
+    kind: Kind
+    share: float
+    low: float
+    high: float
+    observed: float
+    hold_outs: tuple[HoldOut, ...]
+
+    @property
+    def place(self) -> str:
+        """Where the gap shrinks so far, in words."""
+        return _PLACES[self.kind]
+
+
+@dataclass(frozen=True)
+class Shrinkage:
+    """How far the gap shrinks, by kind of hold-out.
+
+    Parameters
+    ----------
+    shares
+        The kinds at hand, the most demanding one last.
+    predicted
+        Share on tests left out in turn from the score test alone, before any refit; None with one test.
+    ran_away
+        Hold-outs without which the fits run away: the other tests do not determine the effect.
+    note
+        Why the records held out are not predicted, if they are not.
+    """
+
+    shares: tuple[Share, ...]
+    predicted: float | None = None
+    ran_away: tuple[HoldOut, ...] = ()
+    note: str = ""
+
+    @property
+    def headline(self) -> Share:
+        """The share on the most demanding kind at hand."""
+        return self.shares[-1]
+
+    def of(self, kind: Kind) -> Share | None:
+        """The share on one kind of hold-out; None if it is not at hand."""
+        return next((one for one in self.shares if one.kind == kind), None)
+
+    @property
+    def sentence(self) -> str:
+        """The headline with its interval, and beside it the least demanding kind."""
+        head, least = self.headline, self.shares[0]
+        share, low, high = (f"{100 * value:.1f}" for value in (head.share, head.low, head.high))
+        names = "" if head.kind == "test" else f" ({'; '.join(one.name for one in head.hold_outs)})"
+        beside = "" if head is least else f"; on {least.place} {100 * least.share:.1f} %"
+        return f"On {head.place}{names} it removes {share} % of the gap ({low} to {high} %){beside}."
+
+    @property
+    def caveat(self) -> str:
+        """What to know of the shares; empty if nothing."""
+        if not self.ran_away:
+            return self.note
+        away = f"Not determined without {_listed(self.ran_away)}: the fit to the other tests runs away"
+        return f"{away}, and nothing counts as removed there. {self.note}".strip()
+
+    @property
+    def reason(self) -> str:
+        """Why there is no share at all."""
+        if not self.ran_away:
+            return self.note or "there is only one test, so none can be left out"
+        away = (
+            f"without {_listed(self.ran_away)} the fit to the other tests runs away: they do not determine the effect"
+        )
+        return f"{away}. {self.note}".removesuffix(". ")
+
+
+def _listed(hold_outs: Sequence[HoldOut]) -> str:
+    return " or ".join(
+        one.name if one.tests == (one.name,) else f"the tests of {one.name} ({', '.join(one.tests)})"
+        for one in hold_outs
+    )
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Mean squares of the errors on a hold-out without and with the effect: per draw of the parameters and part.
+
+    Shapes (draws, parts); parts are tests, or blocks of time of a record. What the noise may hide of them, ``hidden``,
+    adds to both; all parts together hide no less than nothing.
+    """
+
+    before: FloatArray
+    after: FloatArray
+    hidden: FloatArray
+
+    def resampled(self, random: np.random.Generator) -> FloatArray:
+        """Share removed in every draw, its parts drawn with replacement (bootstrap), (draws,)."""
+        draws, parts = self.before.shape
+        times = random.multinomial(parts, np.full(parts, 1 / parts), draws)
+        return self._removed(times.astype(np.float64))
+
+    @property
+    def share(self) -> float:
+        """Median over the draws of the share removed in all parts."""
+        return float(np.median(self._removed(np.ones(self.before.shape[1]))))
+
+    def _removed(self, times: FloatArray) -> FloatArray:
+        sums = [np.sum(times * one, axis=1) for one in (self.before, self.after, self.hidden)]
+        before, after, hidden = (np.maximum(one, 0.0) for one in sums)
+        clear = sums[0] > 0  # less noise, it may be negative
+        return np.asarray(1 - ((after + hidden) / np.where(clear, before + hidden, 1.0))[clear])
+
+
+def joined(squares: Sequence[Squares]) -> Squares:
+    """Several hold-outs as one."""
+    return Squares(
+        *(np.concatenate([getattr(one, key) for one in squares], axis=1) for key in ("before", "after", "hidden"))
+    )
+
+
+def interval(shares: Sequence[FloatArray], middle: float) -> tuple[float, float]:
+    """5 % and 95 % quantile of shares drawn from several hold-outs, each as probable; the middle is inside."""
+    low, high = np.quantile(np.concatenate(shares), (0.05, 0.95))
+    return min(float(low), middle), max(float(high), middle)
+
+
+def labelled_shares(kinds: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Of the kinds in a summary: each with its name, and every group and record, as rows of a table."""
+    for kind in kinds:
+        own = [] if kind["kind"] == "test" else kind["hold_outs"]
+        if len(own) == 1:
+            yield f"{kind['place']}: {own[0]['name']}", kind
+        else:
+            yield kind["place"], kind
+            yield from ((f"{kind['kind']}: {one['name']}", one) for one in own)
