@@ -105,21 +105,21 @@ def main() -> None:
     parser.add_argument("--page", type=Path, default=ROOT / "reports" / "other_rigs" / "README.md")
     args = parser.parse_args()
     wanted = chosen(cells(args.each, args.none), args.only, args.limit, args.seed)
+    limit = "" if args.limit is None else f" --limit {args.limit}"
+    only = "".join(f" {text!r}" for text in args.only)
+    command = f"other_rigs.py --seed {args.seed} --each {args.each} --none {args.none}{limit} --time {args.time:g}"
+    command += f" --only{only}" if only else ""
     one = partial(run, seed=args.seed, work=args.work.resolve(), time=args.time, digest=code_digest())
-    rows = {}
+    args.page.parent.mkdir(parents=True, exist_ok=True)
+    rows: dict[Cell, dict[str, Any]] = {}
     with ProcessPoolExecutor(args.parallel, get_context("spawn")) as pool:
         tasks = {pool.submit(one, cell): cell for cell in wanted}
         for task in as_completed(tasks):
             row = rows[tasks[task]] = task.result()
             told = (row["rig"], row["excitation"], row["noise"], row["case"], row["verdict"], row["effects"])
             print(row["name"], *told, row["seconds"], flush=True)
-    limit = "" if args.limit is None else f" --limit {args.limit}"
-    only = "".join(f" {text!r}" for text in args.only)
-    command = f"other_rigs.py --seed {args.seed} --each {args.each} --none {args.none}{limit}"
-    text = page([rows[cell] for cell in wanted], command + (f" --only{only}" if only else ""), __doc__)
-    args.page.parent.mkdir(parents=True, exist_ok=True)
-    args.page.write_text(text, encoding="utf-8")
-    print(text)
+            done = [rows[cell] for cell in wanted if cell in rows]
+            args.page.write_text(page(done, len(wanted), command, __doc__), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What may hide in a rig: effects of the catalogue, laws of their own, strangers, and rotating parts without encoder."""
+"""What may hide in a rig: effects of the catalogue, laws of their own, strangers, parts that rotate unobserved."""
 
 from __future__ import annotations
 

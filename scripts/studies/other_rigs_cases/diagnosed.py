@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -46,11 +47,12 @@ def main() -> None:
     parser.add_argument("--model", required=True)
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    more: dict[str, Any] = {}
+    campaign, more = read_campaign(args.work / "campaigns" / f"{args.name}.nc"), {}
     if "hold_out" in inspect.signature(diagnose).parameters:
-        more["hold_out"] = args.work / "given" / f"{args.name}.nc"
-    settings = Settings(seed=args.seed, jobs=1)
-    found = diagnose(args.work / "campaigns" / f"{args.name}.nc", args.model, settings=settings, **more)
+        given = read_campaign(args.work / "given" / f"{args.name}.nc").measurements
+        campaign = replace(campaign, measurements=(*campaign.measurements, *given))
+        more["hold_out"] = tuple(one.name for one in given)
+    found = diagnose(campaign, args.model, settings=Settings(seed=args.seed, jobs=1), **more)
     print(json.dumps(summary(found)))
     records = read_campaign(args.work / "held_out" / f"{args.name}.nc")
     np.savez_compressed(

@@ -1,4 +1,4 @@
-"""Tests in units of the rig: an angular frequency of 1 is the rig's own, an amplitude of 1 the largest of a campaign."""
+"""Tests in units of the rig: an angular frequency of 1 is its own, an amplitude of 1 the largest of a campaign."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def timed(rng: np.random.Generator, tests: Sequence[Test]) -> list[Test]:
 
 
 def held_out(rng: np.random.Generator, kind: str, settled: bool) -> list[Test]:
-    """Tests that the diagnosis does not see: of the same kind, larger, of another kind; one of another kind is given."""
+    """Tests that no fit sees: of the same kind, larger, of another kind; and one more of another, to be given."""
     tests = [make(rng, f"same_{k + 1}", kind, 0.7, (16, 34)[k]) for k in range(2)]
     tests.append(make(rng, "group_1", kind, 1.25, 40))
     tests = [replace(test, settled=settled) for test in tests]

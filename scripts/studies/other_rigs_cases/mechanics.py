@@ -117,20 +117,20 @@ def _structure_draw(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _structure(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, float]) -> Motion:
-    def first(x: FloatArray, v: FloatArray, y: FloatArray, w: FloatArray, inner: FloatArray, k: int) -> FloatArray:
-        clock = drive.clock[k]
+    def first(z: FloatArray, u: FloatArray, clock: FloatArray) -> FloatArray:
+        """Acceleration of the first mass; states come first in z."""
+        x, v, y, w, inner = z[0], z[1], z[2], z[3], z[4:]
         ground = hidden.spring_factor(clock) * p["k_1"] * x + hidden.spring(x) + hidden.branches(inner)
         ground = ground + hidden.damper_factor(clock) * p["d_1"] * v + hidden.damper(v) + hidden.rubbing(inner)
-        return np.asarray((drive.u[k] - ground - p["k_2"] * (x - y) - p["d_2"] * (v - w)) / p["m_1"])
+        return np.asarray((u - ground - p["k_2"] * (x - y) - p["d_2"] * (v - w)) / p["m_1"])
 
     def rates(k: int, z: FloatArray) -> FloatArray:
-        x, v, y, w, inner = z[0], z[1], z[2], z[3], z[4:]
+        x, v, y, w = z[:4]
         second = (p["k_2"] * (x - y) + p["d_2"] * (v - w)) / p["m_2"]
-        return np.concatenate([[v, first(x, v, y, w, inner, k), w, second], hidden.rates(v, v, inner)])
+        return np.concatenate([[v, first(z, drive.u[k], drive.clock[k]), w, second], hidden.rates(v, v, z[4:])])
 
     z = integrate(rates, np.zeros((4 + hidden.states, drive.u.shape[1])), len(drive.u))
-    rows = [first(*z[n, :4], z[n, 4:], 2 * n) for n in range(len(z))]
-    return Motion(np.array(rows), z[:, 0], z[:, 1])
+    return Motion(first(np.moveaxis(z, 1, 0), drive.u[::2], drive.clock[::2]), z[:, 0], z[:, 1])
 
 
 STRUCTURE = Rig(

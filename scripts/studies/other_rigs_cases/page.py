@@ -20,11 +20,14 @@ COLUMNS = ("", "right", "of", "share", "95 % interval")
 SHARES = ("share", "refitted", "removed", "shrinkage.refitted", "shrinkage.share")
 
 
-def page(rows: Rows, command: str, doc: str | None) -> str:
-    """The page as Markdown."""
+def page(rows: Rows, wanted: int, command: str, doc: str | None) -> str:
+    """The page as Markdown, of the rows that there are of those wanted."""
     seen = [row for row in rows if row["visible"]]
     lines = header("Rigs of other kinds", doc, command)
-    lines += [f"{len(rows)} campaigns; {len(rows) - len(seen)} whose effect does not stand out are not counted.", ""]
+    hidden = len(rows) - len(seen)
+    lines += [f"{len(rows)} of {wanted} campaigns so far." if len(rows) < wanted else f"{wanted} campaigns."]
+    lines[-1] += f" {hidden} of them, whose effect does not stand out, are not counted." if hidden else ""
+    lines += [""]
     kinds = {
         kind: [row for row in seen if row["kind"] == kind]
         for kind in ("none", "library", "own law", "stranger", "no encoder")

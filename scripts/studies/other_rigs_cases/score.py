@@ -16,8 +16,8 @@ from other_rigs_cases.excitation import COUNT, PERIODS
 NAMING = ("effect", "group", "several", "partly")
 #: kinds of records held out, by the beginning of their names
 KINDS = ("same", "group", "other")
-#: words by which an interval's kind of hold-out is recognised
-WORDS = {"same": ("same", "test"), "group": ("group",), "other": ("other", "record")}
+#: kind of records by the kind of hold-out that a diagnosis tells
+TOLD = {"test": "same", "group": "group", "records": "other"}
 
 
 def row_of(folder: Path, name: str, code: int | None, cpu: float) -> dict[str, Any]:
@@ -64,22 +64,16 @@ def said(answer: Mapping[str, Any] | None) -> dict[str, Any]:
         "effects": [one["name"] for one in answer["effects"]],
         "families": [one["name"] for one in answer["families"]],
         "probability": max((one["probability"] for one in answer["families"]), default=None),
-        "share": shrinkage.get("refitted"),
+        "share": shrinkage.get("share", shrinkage.get("refitted")),
         "intervals": intervals(shrinkage),
         "proposed": dict(_flat(proposed)) if proposed else None,
     }
 
 
 def intervals(shrinkage: Mapping[str, Any]) -> dict[str, list[float]]:
-    """The intervals that are told: ``headline``, and those of a kind of hold-out where there are any."""
-    found: dict[str, list[float]] = {}
-    if shrinkage.get("low") is not None:
-        found["headline"] = [shrinkage["low"], shrinkage["high"]]
-    for about, one in _nested(shrinkage):
-        for kind, words in WORDS.items():
-            if one.get("low") is not None and any(word in about.lower() for word in words):
-                found.setdefault(kind, [one["low"], one["high"]])
-    return found
+    """The intervals that are told: ``headline``, and those of every kind of hold-out where there are kinds."""
+    told = {"headline": shrinkage, **{TOLD[one["kind"]]: one for one in shrinkage.get("kinds", [])}}
+    return {kind: [one["low"], one["high"]] for kind, one in told.items() if one.get("low") is not None}
 
 
 def right(label: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, bool]:
@@ -112,15 +106,6 @@ def _measured(path: Path, truth: Mapping[str, FloatArray]) -> dict[str, float]:
         if squares["without"] > 0 and np.isfinite(squares["with"]):
             found[kind] = 1 - squares["with"] / squares["without"]
     return found
-
-
-def _nested(value: Any, about: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Every object inside, with the name that it goes by."""
-    entries = value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, list) else ()
-    for key, one in entries:
-        if isinstance(one, Mapping):
-            yield str(one.get("kind", one.get("name", key))), one
-        yield from _nested(one, str(key))
 
 
 def _flat(value: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

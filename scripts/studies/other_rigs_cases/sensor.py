@@ -49,7 +49,7 @@ def recorded(
     if lag := knobs.get("lowpass"):
         y = _lagging(y, np.full(len(y), lag)[:, None])
     if lag := knobs.get("load_lag"):
-        y = _lagging(y, lag * (0.3 + 2 * np.abs(y) / size))
+        y = _lagging(y, lag * (0.7 + 0.6 * np.abs(y) / size))
     for order in (2, 3):
         if lag := knobs.get(f"butterworth_{order}"):
             y = lfilter(*butter(order, 1 / lag, fs=2 * np.pi / STEP), y, axis=0)
