@@ -4,10 +4,11 @@
                                          [--parallel 2] [--time 120] [--work FOLDER] [--page FILE]
 
 A tyre on a drum, a robot joint, a stroked damper, a structure of two modes and an oscillator, with sizes over decades
-(dampers from 10 N to 100 kN). Each is integrated here, without code of mofit: Runge-Kutta with eight steps per sample,
-filters and delays on that grid, laws of their own. A campaign has four to six sines, chirps, road-like random records
-or multisines (15 lines, four periods) of 1000 samples and 20 cycles of the rig's own frequency, with white noise,
-AR(0.8) or 1/f noise. The tyre has three steps and a quasi-static test besides. Model under test is a shipped one
+(dampers from 10 N to 100 kN). Each is integrated here, without code of mofit: Runge-Kutta with six steps per sample,
+filters and delays on that grid, laws of their own. Without an effect and with noise of 0.01 % every rig passes for its
+model. A campaign has four to six sines, chirps, road-like random records or multisines (15 lines, four periods) of
+1000 samples and 20 cycles of the rig's own frequency, with white noise, AR(0.8) or 1/f noise. Half of the campaigns of
+sines and multisines begin at rest, half once the rig has settled. The tyre has three steps and a quasi-static test besides. The model under test is a shipped one
 (tyre: `maxwell_tyre`; damper: `kelvin_voigt_damper`; `oscillator`), or a file as a user writes it (joint, structure).
 
 Hidden is nothing; an effect of the catalogue; a cause of the catalogue by a law of its own; a stranger; or, without
@@ -15,7 +16,7 @@ encoder, a rotating part at a random angle per test. Noise is 1 % of the output'
 makes the root mean square of the gap 3 to 10 times the noise, log-uniform, after a linear refit of all parameters of
 the rig; where its largest size stays below that, the noise is lowered instead, at most to 0.01 % of the range. What
 does not stand out even so is not counted. `mofit.diagnose` runs in a process of its own with a limit of wall time and
-sees neither label nor truth.
+sees neither label nor truth; seconds are its processor time, import, compilation and predictions included.
 
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group` and
 `several`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free records that
