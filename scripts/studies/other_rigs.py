@@ -5,11 +5,12 @@
 
 A tyre on a drum, a robot joint, a stroked damper, a structure of two modes and an oscillator, with sizes over decades
 (dampers from 10 N to 100 kN). Each is integrated here, without code of mofit: Runge-Kutta with six steps per sample,
-filters and delays on that grid, laws of their own. Without an effect and with noise of 0.01 % every rig passes for its
-model. A campaign has four to six sines, chirps, road-like random records or multisines (15 lines, four periods) of
-1000 samples and 20 cycles of the rig's own frequency, with white noise, AR(0.8) or 1/f noise. Half of the campaigns of
-sines and multisines begin at rest, half once the rig has settled. The tyre has three steps and a quasi-static test besides. The model under test is a shipped one
-(tyre: `maxwell_tyre`; damper: `kelvin_voigt_damper`; `oscillator`), or a file as a user writes it (joint, structure).
+filters and delays on that grid, laws of their own. Without an effect, from rest and with noise of 0.01 %, every rig
+passes for its model. A campaign has four to six sines, chirps, road-like random records or multisines (15 lines, four
+periods) of 1000 samples and 20 cycles of the rig's own frequency, with white noise, AR(0.8) or 1/f noise. Half of the
+campaigns of sines and multisines begin at rest, half once the rig has settled. The tyre has three steps and a
+quasi-static test besides. The model under test is a shipped one (tyre: `maxwell_tyre`; damper: `kelvin_voigt_damper`;
+`oscillator`), or a file as a user writes it (joint, structure).
 
 Hidden is nothing; an effect of the catalogue; a cause of the catalogue by a law of its own; a stranger; or, without
 encoder, a rotating part at a random angle per test. Noise is 1 % of the output's range. The effect is as strong as
