@@ -21,9 +21,10 @@ sees neither label nor truth; seconds are its processor time, import, compilatio
 
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group` and
 `several`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free records that
-no fit saw: of the same kind and within the amplitudes, a larger one, and of another kind of excitation. Rows that the
-work folder holds already are kept. `--limit` takes that many campaigns at random; `--only` those whose rig,
-excitation, noise, case or kind is among the texts given, all of which must match, as in `--only tyre "no encoder"`.
+no fit saw: of the same kind and within the amplitudes, a larger one, and of another kind of excitation; not without
+encoder, where the angle there is anyone's guess. Rows that the work folder holds already are kept. `--limit` takes that
+many campaigns at random; `--only` those that every text fits, of rig, excitation, noise, case and kind of case, as in
+`--only tyre "no encoder"`.
 """
 
 from __future__ import annotations
