@@ -35,7 +35,12 @@ def page(rows: Rows, wanted: int, command: str, doc: str | None) -> str:
     lines += ["## Summary", "", *_summary(seen, kinds)]
     lines += ["## By rig, excitation and noise", "", *_by_place(kinds)]
     lines += ["## By case", "", *_by_case(seen)]
-    lines += ["## Shrinkage: told and measured", "", *_shrinkage([row for row in seen if row["kind"] != "no encoder"]), *_proposed(kinds["stranger"])]
+    lines += [
+        "## Shrinkage: told and measured",
+        "",
+        *_shrinkage([row for row in seen if row["kind"] != "no encoder"]),
+        *_proposed(kinds["stranger"]),
+    ]
     lines += ["## What went wrong", "", *_wrong(seen), made_with()]
     return "\n".join(lines).rstrip() + "\n"
 
