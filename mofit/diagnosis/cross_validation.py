@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.model_search import Attribution
+from mofit.diagnosis.nuisances import beside_nuisances, with_own_nuisances
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
 
@@ -112,8 +113,9 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
     errors = observed.told(np.stack([without, with_], axis=1))
     still, whole = mean_squares(observed, errors, direct)[::-1] - _noise(observed, direct).sum()
     raw = 1 - still / whole if whole > 0 else 0.0
-    points = {one.name: one.best for one in found.score_tests}
-    added = [c.sensitivities[points[c.name]] for name in best.effects for c in candidates if c.name == name]
+    rescaled = {one.name: one for one in candidates}
+    scores = {one.name: replace(one, candidate=rescaled[one.name]) for one in found.score_tests}
+    added = [scores[name].sensitivity for name in best.effects]
     predicted = _predicted(found.baseline, added, remainder)
     return Shrinkage(predicted, refitted, low, high, min(raw, 1.0), tuple(_predictions(observed, *folds)), away)
 
@@ -136,6 +138,7 @@ def leave_one_out(fitted: Fitted) -> tuple[Hypothesis, FloatArray]:
 
     starts = np.repeat(fitted.minimum.point[None], tests, axis=0)
     points = minimise_each(without, starts, _REFIT).points
+    points = with_own_nuisances(model, points, np.arange(tests), _REFIT)
     # what is too stiff for the test that was left out shows there alone
     return model.at_steps_for(points), points
 
@@ -216,15 +219,14 @@ def _predicted(baseline: Fitted, added: Sequence[FloatArray], remainder: bool) -
     direction, and the linear rest of that does not count.
     """
     observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
-    model = -baseline.jacobian[:, baseline.free]
-    both = np.concatenate([model, *added], axis=1)
-    told = observed.told(np.column_stack([baseline.residual[:rows], both[:rows]]))
+    model, both, residuals = beside_nuisances(baseline, added)
+    told = observed.told(np.column_stack([residuals[:rows], both[:rows]]))
     signals = _signals(observed, told, observed.explainable)
     gap, uncertain, left = 0.0, 0.0, 0.0
     for t in range(len(observed.problem.tests)):
         fitted_to = np.ones(len(model), dtype=bool)
         fitted_to[:rows] = observed.test != t
-        residual = baseline.residual[fitted_to]
+        residual = residuals[fitted_to]
         (alone, _), (shift, covariance) = (_solved(columns[fitted_to], residual) for columns in (model, both))
         for (test, _, _), here in zip(observed.records, signals, strict=True):
             if test == t:

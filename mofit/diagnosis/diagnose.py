@@ -79,10 +79,8 @@ def diagnose(
     selected = campaign.select(tests)
     named, left_out = choose_effects(model, selected, as_names(effects))
     scales = data_scales(model, selected)
-    chosen = [ranged(effect, scales, settings.bounds) for effect in named]
-    of_effects = {parameter.name for effect in chosen for parameter in effect.parameters}
-    own = {name: bounds for name, bounds in settings.bounds.items() if name not in of_effects}
-    settings = replace(settings, bounds=own)
+    chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
+    settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")
     baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
     observed = baseline.hypothesis.observed
@@ -111,6 +109,14 @@ def diagnose(
         seconds=time.process_time() - began,
         page=_page,
     )
+
+
+def _of_model(settings: Settings, effects: Sequence[Effect]) -> Settings:
+    """The settings without what they say of the effects' parameters."""
+    theirs = {parameter.name for effect in effects for parameter in effect.parameters}
+    bounds = {name: bounds for name, bounds in settings.bounds.items() if name not in theirs}
+    scopes = {name: scope for name, scope in settings.scopes.items() if name not in theirs}
+    return replace(settings, bounds=bounds, scopes=scopes)
 
 
 @dataclass(frozen=True)
