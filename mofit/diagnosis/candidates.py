@@ -20,8 +20,8 @@ from mofit.errors import InputError
 from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
 from mofit.parameters import ParameterSpace
 from mofit.simulation import Simulator, lacking
-from mofit.simulation.requirements import stated_conditions
 from mofit.simulation.ranges import scaled, with_parameters
+from mofit.simulation.requirements import stated_conditions
 
 #: Relative change of a score test's direction when the step is halved: costs 1e-4 of the test's power.
 _SENSITIVITY_CHANGE = 0.01
@@ -139,9 +139,7 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
         with_effects(observed.problem.model, *effects), experiments_of(observed, effects), effect.size
     )
     tests = model.layout.values_by_test(fitted.minimum.point)
-    sets = [
-        {**effect.neutral, **point, **own} for point in effect.grid_points for own in effect.scoped_grid_points
-    ]
+    sets = [{**effect.neutral, **point, **own} for point in effect.grid_points for own in effect.scoped_grid_points]
     values = np.array([[[{**here, **point}[name] for name in system.parameters] for here in tests] for point in sets])
     if model.layout.shared.all():
         values = values[:, 0]

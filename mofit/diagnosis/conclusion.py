@@ -182,9 +182,8 @@ def conclude(
     else:
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
         sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
-        if not doubtful:
-            whose = [(one.title, one.of_rig) for one in effects if one.name in best.effects]
-            sentence += rig_and_model(whose, all_of_it=verdict != "partly")
+        certain = [(one.title, one.of_rig) for one in effects if one.name in best.effects and one.name not in doubtful]
+        sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.models import Effect
 
@@ -14,21 +13,17 @@ def size_of(fitted: Fitted, effect: Effect) -> tuple[float, float]:
 
     A component with a value per test counts by the root mean square over the tests.
     """
-    parts = [_component(fitted, effect, name) for name in effect.size]
-    away, sds = np.concatenate([one for one, _ in parts]), np.concatenate([sd for _, sd in parts])
-    if len(away) == 1:
-        return float(away[0]), float(sds[0])
-    size = float(np.linalg.norm(away))
-    return size, float(np.linalg.norm(away * sds) / max(size, 1e-300))
-
-
-def _component(fitted: Fitted, effect: Effect, name: str) -> tuple[FloatArray, FloatArray]:
-    """Distances from neutral and their standard deviations, per value; their squares add up to the component's."""
     layout = fitted.hypothesis.layout
-    place = layout.coordinates(name)
-    values = layout.space.from_unit(fitted.minimum.point)[place]
-    share = len(place) ** -0.5
-    return share * (values - effect.neutral[name]), share * (fitted.sd() * fitted.derivative)[place]
+    values = layout.space.from_unit(fitted.minimum.point)
+    away, share = np.zeros((2, len(values)))
+    for name in effect.size:
+        place = layout.coordinates(name)
+        share[place] = len(place) ** -0.5
+        away[place] = share[place] * (values[place] - effect.neutral[name])
+    single = np.count_nonzero(share) == 1
+    size = float(away.sum() if single else np.linalg.norm(away))
+    slope = share if single else share * away / max(size, 1e-300)
+    return size, fitted.sd_along(slope * fitted.derivative)
 
 
 def parameters_of(fitted: Fitted, effect: Effect) -> dict[str, float]:

@@ -91,6 +91,11 @@ class Fitted:
         sd[self.free] = np.linalg.norm(np.linalg.inv(np.linalg.qr(self.design, mode="r")), axis=1)
         return sd
 
+    def sd_along(self, direction: FloatArray) -> float:
+        """Standard deviation of the sum of unit coordinates times a direction (d,)."""
+        triangle = np.linalg.qr(self.design, mode="r")
+        return float(np.linalg.norm(np.linalg.solve(triangle.T, direction[self.free])))
+
 
 @dataclass(frozen=True)
 class Projection:

@@ -13,8 +13,8 @@ from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
-from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.scoped_starts import with_best_values
+from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError, MofitError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
 

@@ -161,9 +161,7 @@ def _candidate(found: Attribution, one: ScoreTest) -> Mapping[str, Any]:
         "p_value": one.p_holm,
         "expected_size": one.size.tolist(),
         "confounding": one.confounding,
-        "bias": {
-            name: float(value) for name, value, own in zip(names, one.bias * slope, shared, strict=True) if own
-        },
+        "bias": {name: float(value) for name, value, own in zip(names, one.bias * slope, shared, strict=True) if own},
     }
 
 

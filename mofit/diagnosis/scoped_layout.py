@@ -101,7 +101,7 @@ class ScopedLayout:
         return np.stack([u[:, self.coordinates(name)].mean(axis=1) for name in self.parameters.names], axis=1)
 
     def in_columns_of_new_test(self, columns: FloatArray) -> FloatArray:
-        """Columns by parameter (n, f) of such a test as those by coordinate and by its own scoped values, (n, d + l)."""
+        """Columns by parameter (n, f) of such a test as those by coordinate and by its own values, (n, d + l)."""
         own = np.array([name not in dict(cell for cell in self.cells if not cell[1]) for name in self.parameters.names])
         wide = np.zeros((len(columns), len(self.cells)))
         wide[:, self.shared] = columns[:, ~own]

@@ -22,10 +22,8 @@ def angle_per_test(name: str, of: str) -> Parameter:
 
     Its range holds every angle three times, so that none is at an end of it.
     """
-    turn, right = 3 * math.pi, math.pi / 2
-    return Parameter(
-        name, "rad", -turn, turn, 0.0, description=f"angle of the {of} at the first sample", grid=(0.0, right), per=PER_TEST
-    )
+    end, about = 3 * math.pi, f"angle of the {of} at the first sample"
+    return Parameter(name, "rad", -end, end, 0.0, description=about, grid=(0.0, math.pi / 2), per=PER_TEST)
 
 
 class WheelOrder(Addition):

@@ -1,0 +1,98 @@
+"""Parameters with a value per test: estimated along, in the model and in its effects."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from damper_rig import SIMULATORS
+from damper_with_offsets import damper_with_offsets
+
+from mofit.diagnosis.diagnose import diagnose
+from mofit.diagnosis.fitting import baseline_in_wide_ranges
+from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.result import Diagnosis, summary
+from mofit.errors import InputError
+from mofit.identification.settings import Settings
+from mofit.models import find_effect, find_model
+
+PER_TEST = (("F_0", "test"),)
+
+
+@cache
+def diagnosed(friction: float = 0.0, scopes: tuple[tuple[str, str], ...] = PER_TEST) -> Diagnosis:
+    settings = Settings(jobs=1, scopes=dict(scopes))
+    return diagnose(
+        damper_with_offsets(friction), find_model("kelvin_voigt_damper"), (), settings, simulators=SIMULATORS
+    )
+
+
+def test_offsets_that_differ_from_test_to_test_are_no_gap_where_they_may() -> None:
+    found = diagnosed()
+    assert found.conclusion.verdict == "none"
+    assert max(found.nrmsd_before.values()) < 1.2 * max(found.noise_floor.values())
+
+
+def test_without_a_scope_they_are_an_error_of_the_sensor() -> None:
+    found = diagnosed(scopes=())
+    assert found.conclusion.verdict == "effect"
+    assert [effect.name for effect in found.conclusion.effects] == ["test_offset"]
+    assert found.conclusion.sentence.endswith("That is of the rig; the model need not change.")
+
+
+def test_friction_beside_offsets_is_friction() -> None:
+    found = diagnosed(friction=30.0)
+    assert found.conclusion.verdict == "effect"
+    (effect,) = found.conclusion.effects
+    assert effect.name == "dry_friction"
+    assert effect.size == pytest.approx(30.0, rel=0.03)
+    assert found.shrinkage is not None
+    assert found.shrinkage.refitted > 0.99
+    assert found.shrinkage.predicted > 0.98
+    assert found.shrinkage.observed > 0.98
+
+
+def test_friction_and_offsets_without_a_scope_are_told_apart() -> None:
+    found = diagnosed(friction=30.0, scopes=())
+    assert found.attribution.best.effects == ("dry_friction", "test_offset")
+    assert "The rig adds force offset of each test; the model lacks dry friction" in found.conclusion.sentence
+
+
+def test_a_clock_that_shifts_from_test_to_test_is_estimated() -> None:
+    """Every force channel of the campaign is late by a time of its own."""
+    campaign = damper_with_offsets(offsets=0.0)
+    settings = Settings(jobs=1, scopes={"tau_d": "test"})
+    found = diagnose(
+        campaign, find_model("kelvin_voigt_damper"), ("delay", "dry_friction"), settings, simulators=SIMULATORS
+    )
+    assert found.conclusion.verdict == "none"
+    (delay,) = [one for one in found.attribution.score_tests if one.name == "delay"]
+    assert delay.sizes.shape[1] == len(campaign.measurements)
+
+
+def test_the_jacobian_of_scoped_parameters_is_that_of_the_residual() -> None:
+    settings = Settings(jobs=1, scopes={"F_0": "test"})
+    fitted, _ = baseline_in_wide_ranges(
+        find_model("kelvin_voigt_damper"), damper_with_offsets(), settings, (), SIMULATORS
+    )
+    observed = fitted.hypothesis.observed
+    model = hypothesis(observed, observed.stages.discrepancies(find_effect("test_offset")))
+    assert len(model.space) == 3 + 4 + 4
+    point = np.concatenate([fitted.minimum.point, np.full(4, 0.5)])
+    here = model.linear(point[None])
+    for k in range(len(point)):
+        near = point.copy()
+        near[k] += 1e-6
+        change = (model.linear(near[None]).residual[0] - here.residual[0]) / 1e-6
+        scale = np.linalg.norm(here.jacobian[0, :, k])
+        assert np.linalg.norm(change - here.jacobian[0, :, k]) < 2e-3 * scale + 1e-6
+
+
+def test_json_lists_what_each_test_has() -> None:
+    (effect,) = summary(diagnosed(scopes=()))["effects"]
+    assert [name for name in effect["parameters"]] == [f"F_t [{f} Hz]" for f in ("0.5", "1", "2", "4")]
+    assert effect["of_rig"]
+
+
+def test_a_scope_of_an_unknown_parameter_is_refused() -> None:
+    with pytest.raises(InputError, match="no such parameter"):
+        diagnosed(scopes=(("F_x", "test"),))
