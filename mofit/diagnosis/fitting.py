@@ -93,8 +93,8 @@ class Fitted:
 
     def sd_along(self, direction: FloatArray) -> float:
         """Standard deviation of the sum of unit coordinates times a direction (d,)."""
-        triangle = np.linalg.qr(self.design, mode="r")
-        return float(np.linalg.norm(np.linalg.solve(triangle.T, direction[self.free])))
+        inverse = np.linalg.inv(np.linalg.qr(self.design, mode="r"))
+        return float(np.linalg.norm(direction[self.free] @ inverse))
 
 
 @dataclass(frozen=True)

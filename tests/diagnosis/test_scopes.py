@@ -89,7 +89,7 @@ def test_the_jacobian_of_scoped_parameters_is_that_of_the_residual() -> None:
 
 def test_json_lists_what_each_test_has() -> None:
     (effect,) = summary(diagnosed(scopes=()))["effects"]
-    assert [name for name in effect["parameters"]] == [f"F_t [{f} Hz]" for f in ("0.5", "1", "2", "4")]
+    assert list(effect["parameters"]) == [f"F_t [{f} Hz]" for f in ("0.5", "1", "2", "4")]
     assert effect["of_rig"]
 
 

@@ -1,4 +1,4 @@
-"""A tyre on a drum without an encoder: the paper's equations by scipy, order forces at angles that nobody wrote down."""
+"""A tyre on a drum without an encoder: the paper's equations by scipy, orders at angles that nobody wrote down."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def tyre_campaign(
 ) -> Campaign:
     """Sines of 2 degrees.
 
-    ``wheel``: amplitude of the wheel's force variation, N; ``drum``: of the load's modulation, relative; ``lag``: length
-    of the contact patch's lag, m; ``offsets``: standard deviation of the zero offsets of the tests, N. Every test begins
-    at angles of its own.
+    ``wheel``: amplitude of the wheel's force variation, N; ``drum``: of the load's modulation, relative; ``lag``:
+    length of the contact patch's lag, m; ``offsets``: standard deviation of the zero offsets of the tests, N. Every
+    test begins at angles of its own.
     """
     rng, tests = np.random.default_rng(seed), []
     for frequency in frequencies:

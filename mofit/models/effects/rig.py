@@ -39,7 +39,7 @@ class WheelOrder(Addition):
     family = "non-uniformity of rotating parts"
     on = ("lateral_force",)
     needs = ("longitudinal_velocity",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             "A_wc", "N", -500.0, 500.0, 14.0, description="cosine of the force variation", neutral=0.0, scales=LOAD
         ),
@@ -48,7 +48,7 @@ class WheelOrder(Addition):
         ),
     )
     inputs = (TIME,)
-    conditions = (
+    conditions: tuple[Condition, ...] = (
         Condition("dynamic_rolling_radius", "m", 0.305, "radius that the wheel turns with"),
         Condition("wheel_phase", "rad", 0.0, "angle of the wheel at the first sample"),
     )
@@ -61,7 +61,7 @@ class WheelOrder(Addition):
                 "A_w", "N", 0.0, 500.0, 20.0, description="amplitude of the force variation", neutral=0.0, scales=LOAD
             )
             self.parameters = (amplitude, angle_per_test("theta_w", "wheel"))
-            self.conditions = WheelOrder.conditions[:1]
+            self.conditions = tuple(one for one in self.conditions if one.name != "wheel_phase")
 
     def for_tests(self, stated: Collection[str]) -> Effect:
         """With an angle per test where some test does not state it."""
@@ -90,12 +90,12 @@ class DrumRunout(Scaling):
     family = "non-uniformity of rotating parts"
     on = ("slip_stiffness",)
     needs = ("longitudinal_velocity",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("m_dc", "1", -0.3, 0.3, 0.0057, description="cosine of the load's modulation", neutral=0.0),
         Parameter("m_ds", "1", -0.3, 0.3, 0.0057, description="sine of the load's modulation", neutral=0.0),
     )
     inputs = (TIME,)
-    conditions = (
+    conditions: tuple[Condition, ...] = (
         Condition("drum_radius", "m", 0.61, "radius of the drum"),
         Condition("drum_phase", "rad", 0.0, "angle of the drum at the first sample"),
     )
@@ -108,7 +108,7 @@ class DrumRunout(Scaling):
                 "m_d", "1", 0.0, 0.3, 0.008, description="amplitude of the load's modulation", neutral=0.0
             )
             self.parameters = (amplitude, angle_per_test("theta_d", "drum"))
-            self.conditions = DrumRunout.conditions[:1]
+            self.conditions = tuple(one for one in self.conditions if one.name != "drum_phase")
 
     def for_tests(self, stated: Collection[str]) -> Effect:
         """With an angle per test where some test does not state it."""
