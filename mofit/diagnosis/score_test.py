@@ -84,6 +84,12 @@ class ScoreTest:
         return self.candidate.columns.expected(self.sizes[self.best])
 
     @property
+    def promise(self) -> float:
+        """T, less what chance gives columns beyond one per component of the size."""
+        columns = len(self.candidate.columns.size)
+        return self.statistic - (columns - len(self.effect.size)) if self.candidate.columns.scoped else self.statistic
+
+    @property
     def sensitivity(self) -> FloatArray:
         """What the expected effect adds per unit of its size, (rows, q): what differs between tests as it is there."""
         return self.candidate.columns.shared(self.candidate.sensitivities[self.best], self.sizes[self.best])

@@ -39,7 +39,7 @@ def test_an_order_is_named_with_its_amplitude(kind: str, name: str, amplitude: f
     assert effect.size_low < amplitude < effect.size_high
     assert effect.size_high - effect.size_low < 0.4 * amplitude
     assert effect.parameters[others] == effect.size
-    assert len(effect.parameters) == 1 + len(found.observed.problem.tests)
+    assert len(effect.parameters) == 2 + len(found.observed.problem.tests)
     assert effect.of_rig
     assert "of the rig" in found.conclusion.sentence
 
@@ -50,6 +50,15 @@ def test_the_angle_of_each_test_is_found() -> None:
     angles = [value for name, value in effect.parameters.items() if name.startswith("theta_w")]
     first = rng.uniform(0, 2 * np.pi, 2)[0]  # the first that the rig draws
     assert abs(np.angle(np.exp(1j * (angles[0] - first)))) < 0.3
+
+
+@pytest.mark.parametrize("error", [-0.004, 0.01])
+def test_a_radius_that_is_not_exact_does_not_matter(error: float) -> None:
+    found = diagnosed(wheel=20.0, radius_error=error)
+    assert found.conclusion.verdict == "effect"
+    (effect,) = found.conclusion.effects
+    assert effect.size_low < 20.0 < effect.size_high
+    assert effect.parameters["e_w"] == pytest.approx(error, abs=5e-4)
 
 
 def test_the_amplitude_holds_on_held_out_tests_and_the_angle_is_their_own() -> None:

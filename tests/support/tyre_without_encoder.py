@@ -21,16 +21,18 @@ def tyre_campaign(
     drum: float = 0.0,
     lag: float = 0.0,
     offsets: float = 0.0,
+    radius_error: float = 0.0,
     seed: int = 1,
     frequencies: tuple[float, ...] = FREQUENCIES,
 ) -> Campaign:
     """Sines of 2 degrees.
 
     ``wheel``: amplitude of the wheel's force variation, N; ``drum``: of the load's modulation, relative; ``lag``:
-    length of the contact patch's lag, m; ``offsets``: standard deviation of the zero offsets of the tests, N. Every
-    test begins at angles of its own.
+    length of the contact patch's lag, m; ``offsets``: standard deviation of the zero offsets of the tests, N;
+    ``radius_error``: by how much the radius that the file states is too large. Every test begins at angles of its own.
     """
     rng, tests = np.random.default_rng(seed), []
+    conditions = {**CONDITIONS, "dynamic_rolling_radius": (1 + radius_error) * RADIUS}
     for frequency in frequencies:
         time = np.arange(round(DURATION * RATE)) / RATE
         at_wheel, at_drum = rng.uniform(0, 2 * np.pi, 2)
@@ -38,11 +40,11 @@ def tyre_campaign(
         force += offsets * rng.standard_normal() + NOISE * rng.standard_normal(len(time))
         steer = np.deg2rad(2.0) * np.sin(2 * np.pi * frequency * time)
         experiment = Experiment(
-            f"{frequency:g} Hz", "sine", time, {"slip_angle": steer}, CONDITIONS, frequency, np.deg2rad(2.0)
+            f"{frequency:g} Hz", "sine", time, {"slip_angle": steer}, conditions, frequency, np.deg2rad(2.0)
         )
         units = {"slip_angle": "rad", "lateral_force": "N"}
         tests.append(Measurement(experiment, {"lateral_force": force}, units))
-    return Campaign("tyre without an encoder", "simulated", CONDITIONS, tuple(tests))
+    return Campaign("tyre without an encoder", "simulated", conditions, tuple(tests))
 
 
 def _force(time: np.ndarray, frequency: float, lag: float, drum: float, at_drum: float) -> np.ndarray:
