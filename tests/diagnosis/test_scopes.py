@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from damper_rig import SIMULATORS
 from damper_with_offsets import damper_with_offsets
+from scipy.integrate import solve_ivp
 
+from mofit.data import Campaign, Experiment, Measurement
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.fitting import baseline_in_wide_ranges
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.result import Diagnosis, summary
 from mofit.errors import InputError
 from mofit.identification.settings import Settings
-from mofit.models import find_effect, find_model
+from mofit.models import find_effect, find_model, with_effects
 
 PER_TEST = (("F_0", "test"),)
 
@@ -67,6 +69,39 @@ def test_a_clock_that_shifts_from_test_to_test_is_estimated() -> None:
     assert found.conclusion.verdict == "none"
     (delay,) = [one for one in found.attribution.score_tests if one.name == "delay"]
     assert delay.sizes.shape[1] == len(campaign.measurements)
+
+
+def roads(damping: float) -> Campaign:
+    """An oscillator of 1 kg under forces of its own in every test, which begins in motion; by scipy."""
+    rng, tests = np.random.default_rng(1), []
+    for number, start in enumerate(((0.01, 0.0), (0.02, 0.3), (-0.015, 0.2), (0.03, -0.5))):
+        time = np.arange(800) / 100.0
+        rates, sizes, phases = 2 * np.pi * np.cumsum(rng.uniform(0.5, 4, 6)), rng.uniform(1, 4, 6), rng.uniform(0, 6, 6)
+
+        def force(t, rates=rates, sizes=sizes, phases=phases):
+            return np.sin(np.multiply.outer(t, rates) + phases) @ sizes
+
+        def change(t, state, force=force):
+            position, velocity = state
+            return [velocity, force(t) - 1000 * position - 4 * velocity - damping * abs(velocity) * velocity]
+
+        moved = solve_ivp(change, (0, time[-1]), start, t_eval=time, rtol=1e-9, atol=1e-12).y[0]
+        moved += 1e-4 * rng.standard_normal(len(time))
+        experiment = Experiment(f"road {number}", "free", time, {"force": force(time)}, {}, interpolation="cubic")
+        tests.append(Measurement(experiment, {"displacement": moved}, {"displacement": "m", "force": "N"}))
+    return Campaign("roads", "simulated", {}, tuple(tests))
+
+
+@pytest.mark.parametrize(("damping", "named"), [(0.0, []), (8.0, ["quadratic_damping"])])
+def test_records_that_begin_in_motion_have_initial_states(damping: float, named: list[str]) -> None:
+    starts = (find_effect(f"start:{state}") for state in ("position", "velocity"))
+    model = with_effects(find_model("oscillator"), *starts)
+    settings = Settings(jobs=1, fixed={"k": 1000.0}, scopes={"x_0": "test"})
+    candidates = ("quadratic_damping", "cubic_stiffness", "dry_friction")
+    found = diagnose(roads(damping), model, candidates, settings, simulators=SIMULATORS)
+    assert [effect.name for effect in found.conclusion.effects] == named
+    for effect in found.conclusion.effects:
+        assert effect.size_low < damping < effect.size_high
 
 
 def test_the_jacobian_of_scoped_parameters_is_that_of_the_residual() -> None:
