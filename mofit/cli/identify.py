@@ -129,10 +129,13 @@ def diagnose(
     *,
     model: ModelName = None,
     effects: tuple[str, ...] = (),
+    include: tuple[str, ...] = (),
     test: Tests = (),
     hold_out: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
+    per_test: tuple[str, ...] = (),
+    per: tuple[str, ...] = (),
     seed: Seed = 0,
     out: Path | None = None,
     time_limit: TimeLimit = None,
@@ -150,9 +153,16 @@ def diagnose(
     effects
         Candidate effect; repeatable. A shipped name: only those named are tried. path/to/file.py:Name: it is tried
         beside the others. By default all shipped effects that the model admits.
+    include
+        Effect that is part of the model, as start:STATE for an initial state; repeatable.
     hold_out
         Do not use the test of this name; it is predicted once all is done, and how far the gap shrinks is measured on
         it; repeatable.
+    per_test
+        Parameter of the model or of an effect that has a value of its own in every test (an offset, an initial state,
+        a delay of the clock): it is estimated along; repeatable.
+    per
+        Parameter that has one value per value of a condition, PARAMETER=CONDITION; repeatable.
     out
         Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
@@ -161,10 +171,15 @@ def diagnose(
     from mofit.workflows.jobs import Job, diagnose_file
 
     settings = Settings(
-        bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), seed=seed, jobs=cores(jobs)
+        bounds=range_by_name("--bounds", bounds),
+        fixed=by_name("--fix", fix),
+        scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
+        seed=seed,
+        jobs=cores(jobs),
     )
+    job = Job(file, model, effects, (), test, settings, out, hold_out=hold_out, included=include)
     with progress_bar() as progress, ended_in(time_limit):
-        folder, found = diagnose_file(Job(file, model, effects, (), test, settings, out, hold_out=hold_out), progress)
+        folder, found = diagnose_file(job, progress)
     if as_json:
         print_json({**found, "folder": str(folder)})
     else:

@@ -82,16 +82,21 @@ def _standing(fitted: CandidateModel, name: str, best: CandidateModel) -> str:
 
 
 def promising(scores: Iterable[ScoreTest], share: float, most: int) -> tuple[list[ScoreTest], dict[str, str]]:
-    """Those with at least this share of the largest T, the largest first; and why each of the others is passed over."""
-    ranked = sorted(scores, key=lambda one: -one.statistic)
-    largest = ranked[0].statistic if ranked else 0.0
+    """Those with at least this share of the largest T, the largest first; and why each of the others is passed over.
+
+    T less what chance gives values per test.
+    """
+    ranked = sorted(scores, key=lambda one: -one.promise)
+    largest = ranked[0].promise if ranked else 0.0
     kept: list[ScoreTest] = []
     passed_over: dict[str, str] = {}
     for one in ranked:
         if one.statistic <= 0:
             passed_over[one.name] = "it explains nothing of the residual with a size that it may have"
-        elif one.statistic <= share * largest:
-            part = 100 * one.statistic / largest
+        elif one.promise <= 0:
+            passed_over[one.name] = "it explains no more of the residual than chance would with a value per test"
+        elif one.promise <= share * largest:
+            part = 100 * one.promise / largest
             passed_over[one.name] = f"its score is {part:.2g} % of the largest; it is fitted from {100 * share:g} % on"
         elif len(kept) == most:
             passed_over[one.name] = f"{most} others have larger scores, and no more are fitted at once"

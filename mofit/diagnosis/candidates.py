@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,14 @@ from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
+from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
 from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
 from mofit.parameters import ParameterSpace
 from mofit.simulation import lacking
 from mofit.simulation.ranges import scaled, with_parameters
+from mofit.simulation.requirements import stated_conditions
 
 #: Relative change of a score test's direction when the step is halved: costs 1e-4 of the test's power.
 _SENSITIVITY_CHANGE = 0.01
@@ -36,13 +39,16 @@ class Candidate:
     discrepancies
         The effect at every point of its grid, in the dynamic tests alone or in all; G of them.
     sensitivities
-        S at the neutral size, (G, m + p, q), rows of the prior included.
+        S at the neutral size, (G, m + p, c), rows of the prior included.
+    columns
+        What the c columns are: the components of the size, or their values per test.
     steps
         Runge–Kutta steps per sampling interval that each point took, (G,).
     """
 
     discrepancies: tuple[Discrepancy, ...]
     sensitivities: FloatArray
+    columns: ScoreColumns
     steps: NDArray[np.int64]
 
     @property
@@ -62,13 +68,17 @@ class Candidate:
 
     @property
     def signs(self) -> tuple[int, ...]:
-        """Per component of the size: 1 if it cannot be below neutral, -1 if it cannot be above, else 0."""
-        size = [p for p in self.effect.parameters if p.neutral is not None]
-        return tuple(int(p.neutral == p.lower) - int(p.neutral == p.upper) for p in size)
+        """Per column: 1 if its size cannot be below neutral, -1 if it cannot be above, else 0."""
+        return self.columns.signs(self.effect)
 
 
-def ranged(effect: Effect, scales: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> Effect:
-    """The effect with ranges for data of these scales (`mofit.simulation.ranges`), or in the bounds asked for.
+def ranged(
+    effect: Effect,
+    scales: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]],
+    scopes: Mapping[str, str] = MappingProxyType({}),
+) -> Effect:
+    """The effect with ranges for data of these scales (`mofit.simulation.ranges`), or the bounds and scopes asked for.
 
     Raises
     ------
@@ -80,7 +90,8 @@ def ranged(effect: Effect, scales: Mapping[str, float], bounds: Mapping[str, tup
     asked = [name for name in space.names if name in bounds]
     for name in asked:
         space = space.with_bounds(name, *bounds[name])
-    return with_parameters(own, space.parameters) if asked else own
+    parameters = tuple(one.scoped(scopes.get(one.name)) for one in space.parameters)
+    return own if parameters == tuple(own.parameters) else with_parameters(own, parameters)
 
 
 def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) -> tuple[list[Effect], dict[str, str]]:
@@ -103,7 +114,7 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     only = [name for name in names if name not in own]
     chosen, left_out = [], {}
     for name in (*(only or effect_names()), *own):
-        effect = find_effect(name)
+        effect = find_effect(name).for_tests(stated_conditions(campaign))
         present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
         reason = "the model has it already" if present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
@@ -128,9 +139,11 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     system, simulator = observed.simulators.simulator(
         with_effects(observed.problem.model, *effects), experiments_of(observed, effects), effect.size
     )
-    here = {**model.layout.fixed, **fitted.values}
-    sets = [{**here, **effect.neutral, **point} for point in effect.grid_points]
-    values = np.array([[point[name] for name in system.parameters] for point in sets])
+    tests = model.layout.values_by_test(fitted.minimum.point)
+    sets = [{**effect.neutral, **point, **own} for point in effect.grid_points for own in effect.scoped_grid_points]
+    values = np.array([[[{**here, **point}[name] for name in system.parameters] for here in tests] for point in sets])
+    if model.layout.shared.all():
+        values = values[:, 0]
 
     def sensitivities(steps: int, which: NDArray[np.intp]) -> FloatArray:
         slopes = simulator.with_steps(steps).sensitivities(values[which])
@@ -145,10 +158,15 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
         steps = np.full(len(values), max(model.steps, _STATIC_STEPS))
         points = sensitivities(int(steps[0]), np.arange(len(values)))
     found = observed.stages.discrepancies(effect)
-    root = observed.prior_root[1]
+    columns, root = ScoreColumns.of(effect, observed.problem.measurements), observed.prior_root[1]
+    if effect.scoped:
+        points = points.reshape(len(found), -1, *points.shape[1:])
+        steps = steps.reshape(len(found), -1).max(axis=1)
+        wide = np.stack([columns.spread(own, observed.test) for own in points])
+        return Candidate(tuple(found), np.pad(wide, ((0, 0), (0, len(root)), (0, 0))), columns, steps)
     place = np.arange(len(found)) % len(points)
     rows = [np.concatenate([points[i], root @ one.sensitivity]) for i, one in zip(place, found, strict=True)]
-    return Candidate(tuple(found), np.stack(rows), steps[place])
+    return Candidate(tuple(found), np.stack(rows), columns, steps[place])
 
 
 def effects_moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:

@@ -9,10 +9,11 @@ from typing import Literal
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.effect_size import parameters_of, size_of
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.refit import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.residual_map import ResidualMap
-from mofit.diagnosis.sentences import cause, left_over, nearest, unexplained
+from mofit.diagnosis.sentences import cause, left_over, nearest, rig_and_model, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 
 Verdict = Literal["none", "effect", "group", "several", "partly", "unknown"]
@@ -26,7 +27,7 @@ class NamedEffect:
     """An effect with its probability, its size with a 90 % interval in ``unit``, and all its fitted ``parameters``.
 
     ``family``: the cause that it shares with other laws. ``present_in_calibration``: whether it seems to have been
-    present in the calibration tests too.
+    present in the calibration tests too. ``of_rig``: whether the rig adds it, and the model does not lack it.
     """
 
     name: str
@@ -39,6 +40,7 @@ class NamedEffect:
     unit: str
     parameters: dict[str, float]
     present_in_calibration: bool
+    of_rig: bool
 
 
 @dataclass(frozen=True)
@@ -180,6 +182,8 @@ def conclude(
     else:
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
         sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
+        certain = [(one.title, one.of_rig) for one in effects if one.name in best.effects and one.name not in doubtful]
+        sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))
 
@@ -220,16 +224,10 @@ def _named_families(
 
 
 def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
-    """One effect of a model with its size: of several components, their length."""
-    fitted, values = model.fitted, model.fitted.values
-    space = fitted.hypothesis.space
+    """One effect of a model with its size."""
+    fitted = model.fitted
     one = next(one for one in fitted.hypothesis.discrepancies if one.name == name)
-    away = np.array([values[part] - one.effect.neutral[part] for part in one.effect.size])
-    sds = (fitted.sd() * fitted.derivative)[[space.index(part) for part in one.effect.size]]
-    size, sd = float(away[0]), float(sds[0])
-    if len(away) > 1:
-        size = float(np.linalg.norm(away))
-        sd = float(np.linalg.norm(away * sds) / max(size, 1e-300))
+    size, sd = size_of(fitted, one.effect)
     return NamedEffect(
         name=name,
         title=one.effect.title or name,
@@ -238,7 +236,8 @@ def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:
         size=size,
         size_low=size - _Z90 * sd,
         size_high=size + _Z90 * sd,
-        unit=space[one.effect.size[0]].unit,
-        parameters={p.name: values[p.name] for p in one.effect.parameters},
+        unit=fitted.hypothesis.layout.parameters[one.effect.size[0]].unit,
+        parameters=parameters_of(fitted, one.effect),
         present_in_calibration=one.present_in_calibration,
+        of_rig=one.effect.of_rig,
     )

@@ -16,6 +16,7 @@ from mofit.diagnosis.hypothesis import Hypothesis, Linear
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.mean_squares import mean_squares, noise_squares, products_of_tests
 from mofit.diagnosis.model_search import Attribution
+from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage, Squares, interval, joined
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -55,8 +56,9 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
     away = [one.hold_out for predicted in judged.values() for one in predicted if one.hold_out.ran_away]
     once = {one.tests: one for one in reversed(away)}  # a test may be a group by itself
     shares = [share for kind, predicted in judged.items() if (share := _share(kind, predicted, seed))]
-    points = {one.name: one.best for one in found.score_tests}
-    added = [c.sensitivities[points[c.name]] for name in found.best.effects for c in candidates if c.name == name]
+    rescaled = {one.name: one for one in candidates}
+    scores = {one.name: replace(one, candidate=rescaled[one.name]) for one in found.score_tests}
+    added = [scores[name].sensitivity for name in found.best.effects]
     predicted = predicted_share(found.baseline, added, reference.remainder)
     return Shrinkage(tuple(shares), predicted, tuple(reversed(once.values())))
 
@@ -75,6 +77,7 @@ def leave_out(
 
     starts = np.repeat(fitted.minimum.point[None], len(tests), axis=0)
     points = minimise_each(without, starts, settings).points
+    points = with_own_nuisances(model, points, tests, settings)
     # what is too stiff for the test that was left out shows there alone
     return model.at_steps_for(points), points
 

@@ -31,7 +31,7 @@ from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
-from mofit.simulation.ranges import data_scales
+from mofit.simulation.ranges import data_scales, with_parameters
 
 
 def diagnose(
@@ -58,7 +58,8 @@ def diagnose(
         Name or names of candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join
         them.
     settings
-        Bounds, fixed parameters, seed, threads; the rest is for identifications.
+        Bounds, fixed parameters, scopes, seed, threads; the rest is for identifications. Bounds and scopes may be those
+        of effects, too.
     tests
         Name or names of the tests; all of the model's kinds if none is named.
     hold_out
@@ -77,7 +78,7 @@ def diagnose(
         If campaign, model and effects don't fit together.
     """
     began = time.process_time()
-    campaign, model = as_campaign(campaign), as_model(model)
+    campaign, model = as_campaign(campaign), _unpooled(as_model(model))
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
     build_system(model)  # what is wrong with it is told before anything else
     whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
@@ -86,10 +87,8 @@ def diagnose(
     selected = campaign.select(tests)
     named, left_out = choose_effects(model, selected, as_names(effects))
     scales = data_scales(model, selected)
-    chosen = [ranged(effect, scales, settings.bounds) for effect in named]
-    of_effects = {parameter.name for effect in chosen for parameter in effect.parameters}
-    own = {name: bounds for name, bounds in settings.bounds.items() if name not in of_effects}
-    settings = replace(settings, bounds=own)
+    chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
+    settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")
     baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
     observed = baseline.hypothesis.observed
@@ -114,10 +113,18 @@ def diagnose(
         noise_floor=dict(zip(observed.problem.objective_names, map(float, observed.problem.noise.floor), strict=True)),
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
-        warnings=(*notes, *_at_ends(found), *_at_most(found, rules)),
+        warnings=(*notes, *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
         seconds=time.process_time() - began,
         page=_page,
     )
+
+
+def _of_model(settings: Settings, effects: Sequence[Effect]) -> Settings:
+    """The settings without what they say of the effects' parameters."""
+    theirs = {parameter.name for effect in effects for parameter in effect.parameters}
+    bounds = {name: bounds for name, bounds in settings.bounds.items() if name not in theirs}
+    scopes = {name: scope for name, scope in settings.scopes.items() if name not in theirs}
+    return replace(settings, bounds=bounds, scopes=scopes)
 
 
 @dataclass(frozen=True)
@@ -181,6 +188,21 @@ def _at_ends(found: Attribution) -> tuple[str, ...]:
         for one, side in bounds
         if side and (one.lower if side < 0 else one.upper) != one.neutral
     )
+
+
+def _of_tests(found: Attribution, shrinkage: Shrinkage | None) -> tuple[str, ...]:
+    """What to know of the shares where a test has values of its own."""
+    layout = found.best.fitted.hypothesis.layout
+    names = dict.fromkeys(name for (name, _), test in zip(layout.cells, layout.only_test, strict=True) if test >= 0)
+    if shrinkage is None or not names:
+        return ()
+    return (f"What each test has of its own ({', '.join(names)}) is estimated from the held-out test itself.",)
+
+
+def _unpooled(model: Model) -> Model:
+    """The model with the values of pooled parameters free: a diagnosis asks what a test needs, not what is usual."""
+    parameters = tuple(replace(one, pooled=False) for one in model.parameters)
+    return model if parameters == tuple(model.parameters) else with_parameters(model, parameters)
 
 
 def _at_most(found: Attribution, rules: DiagnosisSettings) -> tuple[str, ...]:

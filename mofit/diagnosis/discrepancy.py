@@ -86,6 +86,8 @@ class CalibrationStages:
         neutral = np.array([effect.neutral[name] for name in effect.size])
         shift, sensitivity = np.zeros(len(self.space)), np.zeros((len(self.space), len(effect.size)))
         dynamic = [Discrepancy(effect, point, neutral, shift, sensitivity) for point in effect.grid_points]
+        if effect.scoped:  # what differs from test to test is not known in those of the stages
+            return dynamic
         everywhere = [self.recalibrated(one, {**effect.neutral, **one.point}) for one in dynamic]
         return [*dynamic, *(one for one in everywhere if one.present_in_calibration)]
 

@@ -24,6 +24,7 @@ from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.parameters import ParameterSpace
 from mofit.problem import explained
+from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Starts of the baseline beside those given; and the most minima of the search among these.
 _STARTS, _MINIMA = 7, 8
@@ -89,6 +90,11 @@ class Fitted:
         # not from the normal matrix: derivatives of all sizes meet here
         sd[self.free] = np.linalg.norm(np.linalg.inv(np.linalg.qr(self.design, mode="r")), axis=1)
         return sd
+
+    def sd_along(self, direction: FloatArray) -> float:
+        """Standard deviation of the sum of unit coordinates times a direction (d,)."""
+        inverse = np.linalg.inv(np.linalg.qr(self.design, mode="r"))
+        return float(np.linalg.norm(direction[self.free] @ inverse))
 
 
 @dataclass(frozen=True)
@@ -189,7 +195,7 @@ def baseline_in_wide_ranges(
     found = fit_baseline(observed, starts, settings.seed)
     first = space = observed.problem.space
     for _ in range(MOST):
-        sides, values = found.minimum.at_bound, space.from_unit(found.minimum.point)
+        sides, values = found.minimum.at_bound[: len(space)], space.from_unit(found.minimum.point[: len(space)])
         farther = space.farther(sides)
         if farther == space:
             break
@@ -202,6 +208,22 @@ def baseline_in_wide_ranges(
     return found, tuple(map(str, widenings(first, space)))
 
 
+def with_scoped(model: Hypothesis, starts: FloatArray) -> FloatArray:
+    """Starts (k, s) of the model's parameters of the campaign, with the best values there of the others: (k, d)."""
+    problem, layout = model.observed.problem, model.layout
+    if not isinstance(problem.simulator, ScopedSimulator):
+        return starts
+    names = list(layout.names)
+    values = problem.simulator.best(problem.layout.full(starts)).values
+    columns = [names.index(name) for name in layout.parameters.names]
+    units = layout.parameters.to_unit(values[..., columns])
+    found = np.zeros((len(starts), len(layout.space)))
+    for test, place in enumerate(layout.place):
+        found[:, place] = units[:, test]
+    found[:, : starts.shape[1]] = starts
+    return np.clip(found, 0.0, 1.0)
+
+
 def with_own_noise(found: Fitted, seed: int) -> Fitted:
     """The baseline fitted again with the noise that it leaves of records that do not repeat."""
     for _ in range(_NOISE_ROUNDS if found.hypothesis.observed.predicted_only.any() else 0):
@@ -212,15 +234,18 @@ def with_own_noise(found: Fitted, seed: int) -> Fitted:
 
 
 def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:
-    """Fit the model as it is, from starts (k, d) or one, and from Sobol points over parameters without calibration."""
+    """Fit the model as it is, from starts (k, d) or one, and from Sobol points over parameters without calibration.
+
+    They are those of the campaign; from each the others start at what is best there.
+    """
     from scipy.stats import qmc  # late: its import takes half a second
 
-    model, starts = hypothesis(observed), np.atleast_2d(starts)
+    model, starts = hypothesis(observed), np.atleast_2d(starts)[:, : len(observed.problem.space)]
     start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
-    starts = np.concatenate([starts, np.where(searched, scattered, start)])
-    model = model.at_steps_for(start[None])
+    starts = with_scoped(model, np.concatenate([starts, np.where(searched, scattered, start)]))
+    model = model.at_steps_for(starts[:1])
     with explained(observed.problem):
         first = fit(model, starts)
     # the minimum may be stiffer than the start

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps
+from mofit.diagnosis.scoped_layout import ScopedLayout, labels_of
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
-from mofit.parameters import ParameterLayout, ParameterSpace
+from mofit.parameters import ParameterSpace
 from mofit.simulation import ExperimentData, Simulator, experiment_data
 from mofit.simulation.ranges import with_parameters
 
@@ -60,14 +61,14 @@ class Hypothesis:
     discrepancies
         Effects that are added to the model of ``observed.problem``.
     layout
-        All parameters of the system. Free are those of the problem, then those of the effects.
+        All parameters of the system. Free are those of the problem, of the campaign first, then those of the effects.
     simulator
         The compiled model with effects.
     """
 
     observed: WhitenedData
     discrepancies: tuple[Discrepancy, ...]
-    layout: ParameterLayout
+    layout: ScopedLayout
     simulator: Simulator
 
     @property
@@ -77,7 +78,7 @@ class Hypothesis:
 
     @property
     def space(self) -> ParameterSpace:
-        """The free parameters."""
+        """The free parameters, each of their values as one."""
         return self.layout.space
 
     @property
@@ -97,6 +98,8 @@ class Hypothesis:
         mean[: len(base)] = base
         for one in self.discrepancies:
             mean[: len(base)] += one.shift
+            if not one.present_in_calibration:
+                continue
             values = self._neutral
             for name, size, shift in zip(one.effect.size, one.around, one.sensitivity.T, strict=True):
                 column = self.space.index(name)
@@ -112,25 +115,27 @@ class Hypothesis:
 
     def wider(self, sides: NDArray[np.int64]) -> Hypothesis | None:
         """The hypothesis with wider ranges of the effects' parameters at whose ends (d,) a fit is; None if none is."""
-        space = self.space.farther(np.where(np.arange(len(sides)) < self.own, 0, sides))
-        if space == self.space:
+        layout = self.layout.farther(np.where(np.arange(len(sides)) < self.own, 0, sides))
+        if layout is self.layout:
             return None
+        known = layout.parameters
         wider = [
             replace(
                 one,
-                effect=with_parameters(one.effect, space.subset([p.name for p in one.effect.parameters]).parameters),
+                effect=with_parameters(one.effect, known.subset([p.name for p in one.effect.parameters]).parameters),
             )
             for one in self.discrepancies
         ]
-        return replace(self, discrepancies=tuple(wider), layout=replace(self.layout, space=space))
+        return replace(self, discrepancies=tuple(wider), layout=layout)
 
     @property
     def own(self) -> int:
-        """Number of the model's free parameters; those of the effects follow."""
-        return len(self.observed.problem.space)
+        """Number of coordinates of the model's free parameters; those of the effects follow."""
+        model = {*self.observed.problem.space.names, *self.observed.scoped.names}
+        return sum(name in model for name, _ in self.layout.cells)
 
     def outputs(self, u: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-        """Per test: outputs (K, n, outputs) and derivatives by the values of free parameters (K, n, outputs, d)."""
+        """Per test: outputs (K, n, outputs) and derivatives by the values of the free parameters (K, n, outputs, f)."""
         return self.simulator.sensitivities(self.layout.full(u))
 
     def linear(self, u: FloatArray) -> Linear:
@@ -141,11 +146,12 @@ class Hypothesis:
         for test in joined:
             test[bad] = 0.0
         white = self.observed.whitened(joined)
+        slopes = self.layout.spread(white[..., 1:], self.observed.test) * slope[:, None, :]
         root, mean = self.prior_rows
         residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
         residual[bad] = np.nan
         prior = np.broadcast_to(-root, (len(u), *root.shape))
-        return Linear(residual, np.concatenate([-white[..., 1:] * slope[:, None, :], prior], axis=1))
+        return Linear(residual, np.concatenate([-slopes, prior], axis=1))
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss–Newton Hessian (K, d, d)."""
@@ -180,9 +186,10 @@ def hypothesis(observed: WhitenedData, discrepancies: Sequence[Discrepancy] = ()
     """The problem's model with these effects, all parameters free."""
     problem, effects = observed.problem, [one.effect for one in discrepancies]
     model = with_effects(problem.model, *effects)
-    space = ParameterSpace((*problem.space.parameters, *model.parameters[len(problem.model.parameters) :]))
+    added = model.parameters[len(problem.model.parameters) :]
+    space = ParameterSpace((*problem.space.parameters, *observed.scoped.parameters, *added))
     system, simulator = observed.simulators.simulator(model, experiments_of(observed, effects), space.names)
-    layout = ParameterLayout(system.parameters, space, problem.layout.fixed)
+    layout = ScopedLayout(system.parameters, space, problem.layout.fixed, labels_of(space, problem.measurements))
     return Hypothesis(observed, tuple(discrepancies), layout, simulator)
 
 

@@ -200,8 +200,8 @@ def best_extensions(
     for base, own in zip(level, scores, strict=True):
         for one in own:
             effects = tuple(sorted((*base.effects, one.name)))
-            criterion = base.criterion - one.statistic
-            if one.statistic > 0 and criterion < promised.get(effects, (np.inf,))[0]:
+            criterion = base.criterion - one.promise
+            if one.promise > 0 and criterion < promised.get(effects, (np.inf,))[0]:
                 promised[effects] = criterion, base, one
     best = sorted(promised.values(), key=lambda found: found[0])[: settings.most_extensions]
     gain = level[0].criterion - best[0][0] if best else 0.0

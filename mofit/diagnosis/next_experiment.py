@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, permutations, product
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
@@ -211,19 +212,26 @@ def _noise(observed: WhitenedData, experiment: Experiment, output: FloatArray) -
 def _responses(
     observed: WhitenedData, fitted: Fitted, experiments: Sequence[Experiment], settings: NextExperimentSettings
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Output (n,) and its derivative by the unit coordinates (n, d) in every experiment; nan where it diverges."""
+    """Output (n,) and its derivative in every experiment; nan where it diverges.
+
+    By the unit coordinates, and by the scoped values that the new test has of its own (n, d + l).
+    """
     model = fitted.hypothesis
     extended = with_effects(observed.problem.model, *model.effects)
     data = [_without_measurement(observed, extended, one) for one in experiments]
-    _, simulator = observed.simulators.simulator(extended, data, model.space.names, _STEPS)
+    layout, point = model.layout, fitted.minimum.point[None]
+    parameters = layout.parameters
+    unit = layout.in_new_test(point)
+    _, simulator = observed.simulators.simulator(extended, data, parameters.names, _STEPS)
     first, signals = observed.first_output
     peak = max(float(np.max(np.abs(values))) for values in signals)
     found = []
-    simulated = simulator.sensitivities(model.layout.full(fitted.minimum.point[None]))
+    slope = parameters.derivative(parameters.from_unit(unit))[0]
+    simulated = simulator.sensitivities(layout.by_name.full(unit))
     for experiment, (output, slopes) in zip(experiments, simulated, strict=True):
         used = experiment.time >= settings.settling / float(experiment.frequency or 1)
         with np.errstate(over="ignore", invalid="ignore"):
-            response, columns = output[0, used, first], slopes[0, used, first] * fitted.derivative
+            response, columns = output[0, used, first], layout.in_columns_of_new_test(slopes[0, used, first] * slope)
         if not np.max(np.abs(output[0, :, first])) < _DIVERGENCE * peak:
             response, columns = np.full_like(response, np.nan), np.zeros_like(columns)
         found.append((response, columns))
@@ -245,9 +253,13 @@ def _linearised(
 ) -> LinearisedExperiment:
     """One experiment, linearised at the fits."""
     noise = np.sqrt(_noise(observed, experiment, responses[0][0]))
-    derivatives = [columns[:, one.fitted.free] / noise for (_, columns), one in zip(responses, models, strict=True)]
+    derivatives, known = [], []
+    for (_, columns), fitted in zip(responses, (one.fitted for one in models), strict=True):
+        new = columns.shape[1] - len(fitted.free)
+        derivatives.append(columns[:, np.append(fitted.free, np.ones(new, dtype=bool))] / noise)
+        # of the new test's own values only the box is known
+        known.append(block_diag(fitted.hessian, np.eye(new)))
     length = float(experiment.time[-1] + experiment.step)
-    known = [one.fitted.hessian for one in models]
     return linearise([output / noise for output, _ in responses], derivatives, known, length)
 
 

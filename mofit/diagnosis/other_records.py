@@ -37,6 +37,9 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
     issues = lacking(with_effects(observed.problem.model, *best.hypothesis.effects), records)
     if issues:
         return f"{issues[0].where}: {issues[0].message}"
+    cells = (*baseline.hypothesis.layout.cells, *best.hypothesis.layout.cells)
+    if own := dict.fromkeys(name for name, label in cells if label):
+        return f"{', '.join(own)} differ from test to test, and no fit has seen those of these records"
     problem = build_problem(
         observed.problem.model, records, space=observed.problem.space, fixed=observed.problem.layout.fixed
     )

@@ -9,6 +9,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.mean_squares import noise_squares, record_signals
+from mofit.diagnosis.nuisances import beside_nuisances
 
 #: Standard deviations of the noise's power beyond which the linearised effect leaves a gap.
 _CLEAR = 4.0
@@ -21,15 +22,14 @@ def predicted_share(baseline: Fitted, added: Sequence[FloatArray], remainder: bo
     direction, and the linear rest of that does not count.
     """
     observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
-    model = -baseline.jacobian[:, baseline.free]
-    both = np.concatenate([model, *added], axis=1)
-    told = observed.told(np.column_stack([baseline.residual[:rows], both[:rows]]))
+    model, both, residuals = beside_nuisances(baseline, added)
+    told = observed.told(np.column_stack([residuals[:rows], both[:rows]]))
     signals = record_signals(observed, told, observed.explainable)
     gap, uncertain, left = 0.0, 0.0, 0.0
     for t in range(len(observed.problem.tests)):
         fitted_to = np.ones(len(model), dtype=bool)
         fitted_to[:rows] = observed.test != t
-        residual = baseline.residual[fitted_to]
+        residual = residuals[fitted_to]
         (alone, _), (shift, covariance) = (_solved(columns[fitted_to], residual) for columns in (model, both))
         for (test, _, _), here in zip(observed.records, signals, strict=True):
             if test == t:

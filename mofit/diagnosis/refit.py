@@ -13,6 +13,7 @@ from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
+from mofit.diagnosis.scoped_starts import with_best_values
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError, MofitError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
@@ -75,10 +76,18 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     model = fitted.hypothesis
     chosen = len(model.effects)
     rows = int(model.observed.explainable.sum())
-    extra = sum(len(effect.parameters) for effect in model.effects)
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
     value = float(fitted.residual @ fitted.residual)
-    return CandidateModel(fitted, value + extra * float(np.log(rows)) + 2 * float(choices))
+    return CandidateModel(fitted, value + _price(model, rows) + 2 * float(choices))
+
+
+def _price(model: Hypothesis, rows: int) -> float:
+    """Of the effects' parameters: the logarithm of the number of rows that each value acts on."""
+    layout, observed = model.layout, model.observed
+    per_test = np.bincount(observed.test[observed.explainable], minlength=len(layout.place))
+    on_test = [(layout.place == k).any(axis=1) for k in range(model.own, len(layout.space))]
+    acted_on = [rows if tests.all() else int(per_test[tests].sum()) for tests in on_test]
+    return float(np.sum(np.log(np.maximum(acted_on, 1))))
 
 
 def probabilities(models: Sequence[CandidateModel]) -> FloatArray:
@@ -238,8 +247,11 @@ def with_stages(fitted: Fitted) -> Fitted:
 def _best_points(added: ScoreTest) -> list[int]:
     """The points of the grid with the largest statistics, the best first.
 
-    Others than the best only if they are not too stiff to be fitted in reasonable time.
+    Others than the best only if they are not too stiff to be fitted in reasonable time; none of an effect with values
+    per test, whose starts are dear.
     """
+    if added.effect.scoped:
+        return [added.best]
     points = added.candidate.discrepancies
     present = added.discrepancy.present_in_calibration
     order = [int(i) for i in np.argsort(-added.statistics, kind="stable")]
@@ -249,18 +261,18 @@ def _best_points(added: ScoreTest) -> list[int]:
 
 def _expected(new: Hypothesis, here: FloatArray, added: ScoreTest, place: int) -> Iterator[FloatArray]:
     """Where the score test expects the minimum at a point of the grid, without and with the parameters' shift."""
-    sizes = zip(added.effect.size, added.sizes[place], strict=True)
-    values = {name: added.effect.neutral[name] + float(size) for name, size in sizes}
+    values = added.candidate.columns.values(added.effect, added.sizes[place])
     values |= added.candidate.discrepancies[place].point
-    yield _start(new, here, values)
-    yield _start(new, np.clip(here - added.biases[place], 0.0, 1.0), values)
+    for base in (here, np.clip(here - added.biases[place], 0.0, 1.0)):
+        start = _start(new, base, values)
+        yield with_best_values(new, start, added.effect) if added.effect.scoped else start
 
 
 def _along(new: Hypothesis, fitted: Fitted, added: ScoreTest) -> Iterator[FloatArray]:
     """The fitted parameters, one that moves a condition which the added effect needs varied, without the added one."""
     here, sd = _start(new, fitted.minimum.point, added.effect.neutral), fitted.sd()
-    for name in [name for effect in effects_moving(fitted, added.effect.needs) for name in effect.size]:
-        column = new.space.index(name)
+    moving = [name for effect in effects_moving(fitted, added.effect.needs) for name in effect.size]
+    for column in [column for name in moving for column in new.layout.coordinates(name)]:
         for step in np.linspace(-_CONDITION_REACH, _CONDITION_REACH, _CONDITION_STARTS):
             start = here.copy()
             start[column] = np.clip(start[column] + step * sd[column], 0.0, 1.0)

@@ -246,7 +246,7 @@ def homogeneity(fitted: Fitted) -> list[Homogeneity]:
     """One Gauss–Newton step from the joint minimum to that of each test alone, and whether the steps differ.
 
     All parameters are free with the prior of the stages; what no stage knows has the box as a wide Gaussian prior.
-    Estimates wider than half of it are left out.
+    Estimates wider than half of it are left out, and parameters that differ from test to test anyway.
     """
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
     space, point, tests = model.space, fitted.minimum.point, observed.problem.tests
@@ -259,7 +259,7 @@ def homogeneity(fitted: Fitted) -> list[Homogeneity]:
         moves[t], sds[t] = inverse @ (jacobian.T @ fitted.residual[used]), np.sqrt(np.diag(inverse))
     found = []
     for k, parameter in enumerate(space.parameters):
-        if parameter.name in observed.problem.prior.names:
+        if parameter.name in observed.problem.prior.names or not model.layout.shared[k]:
             continue
         good = (sds[:, k] < _WIDEST * _PRIOR_SD) & (fitted.minimum.at_bound[k] == 0)
         _, _, _, p, i_squared = cochran(moves[good, k], sds[good, k])

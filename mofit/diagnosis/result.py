@@ -171,6 +171,7 @@ def _left(diagnosis: Diagnosis) -> dict[str, Any]:
 def _candidate(found: Attribution, one: ScoreTest) -> Mapping[str, Any]:
     """The score test of one effect, and what leaving it out would do to the model's parameters."""
     names, slope = found.baseline.hypothesis.space.names, found.baseline.derivative
+    shared = found.baseline.hypothesis.layout.shared
     return {
         "name": one.name,
         "family": one.effect.cause,
@@ -178,7 +179,7 @@ def _candidate(found: Attribution, one: ScoreTest) -> Mapping[str, Any]:
         "p_value": one.p_holm,
         "expected_size": one.size.tolist(),
         "confounding": one.confounding,
-        "bias": {name: float(value) for name, value in zip(names, one.bias * slope, strict=True)},
+        "bias": {name: float(value) for name, value, own in zip(names, one.bias * slope, shared, strict=True) if own},
     }
 
 

@@ -27,7 +27,7 @@ class ScoreTest:
 
     .. math:: T = r^T M S (S^T M S)^{-1} S^T M r \sim \chi^2_q
 
-    with the whitened residual r (rows,), the sensitivity S (rows, q), and the projector M (`Projection`).
+    with the whitened residual r (rows,), the sensitivity S (rows, c), and the projector M (`Projection`).
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ class ScoreTest:
     p_holm
         Corrected for the number of candidates (Holm 1979).
     sizes, biases
-        Expected size relative to neutral at every point of the grid, (G, q), and by how much such an effect moves the
+        Expected size relative to neutral at every point of the grid, (G, c), and by how much such an effect moves the
         model's parameters if it is left out, in unit coordinates, (G, d).
     size_sd
-        Standard deviation of the size at the best point, (q,).
+        Standard deviation of the size at the best point, (c,).
     confounding
         Share of the effect's power that the model's own parameters absorb, :math:`1 - \|MS\|^2 / \|S\|^2`.
     """
@@ -81,7 +81,18 @@ class ScoreTest:
     @property
     def size(self) -> FloatArray:
         """Expected size at the best point of the grid, (q,)."""
-        return np.asarray(self.sizes[self.best])
+        return self.candidate.columns.expected(self.sizes[self.best])
+
+    @property
+    def promise(self) -> float:
+        """T, less what chance gives columns beyond one per component of the size."""
+        columns = len(self.candidate.columns.size)
+        return self.statistic - (columns - len(self.effect.size)) if self.candidate.columns.scoped else self.statistic
+
+    @property
+    def sensitivity(self) -> FloatArray:
+        """What the expected effect adds per unit of its size, (rows, q): what differs between tests as it is there."""
+        return self.candidate.columns.shared(self.candidate.sensitivities[self.best], self.sizes[self.best])
 
     @property
     def bias(self) -> FloatArray:
@@ -118,14 +129,19 @@ def holm(p: Sequence[float]) -> list[float]:
 def _score(projection: Projection, freedom: FloatArray, candidate: Candidate) -> ScoreTest:
     """The score test with degrees of freedom of the noise of every row (rows,)."""
     signs, points = candidate.signs, len(candidate.sensitivities)
-    statistics, left = np.zeros(points), np.zeros(points)
+    statistics, left, ranks = np.zeros(points), np.zeros(points), np.full(points, len(signs))
     sizes, sds = np.zeros((points, len(signs))), np.full((points, len(signs)), np.inf)
     directions: list[FloatArray] = []
     for i, columns in enumerate(candidate.sensitivities):
         rest = projection.apply(columns)
         left[i] = float(np.sum(rest**2)) / max(float(np.sum(columns**2)), np.finfo(float).tiny)
         normal = rest.T @ rest
-        if not stable(columns) or left[i] < _LEAST_LEFT**2 or not np.linalg.cond(normal) < 1e12:
+        if not stable(columns) or left[i] < _LEAST_LEFT**2:
+            continue
+        if candidate.columns.scoped:  # what all tests have in common the model may have already
+            sizes[i], statistics[i], ranks[i] = _dependent(rest, projection.residual)
+            continue
+        if not np.linalg.cond(normal) < 1e12:
             continue
         sizes[i] = np.linalg.solve(normal, rest.T @ projection.residual)
         wrong = any(sign * part < 0 for sign, part in zip(signs, sizes[i], strict=True))
@@ -142,13 +158,22 @@ def _score(projection: Projection, freedom: FloatArray, candidate: Candidate) ->
         best=best,
         statistic=float(statistics[best]),
         statistics=statistics,
-        p_value=supremum_p_value(float(statistics[best]), signs, directions, behind),
+        p_value=supremum_p_value(float(statistics[best]), signs[: ranks[best]], directions, behind),
         p_holm=1.0,
         sizes=sizes,
         biases=np.array(biases),
         size_sd=sds[best],
         confounding=float(1 - left[best]),
     )
+
+
+def _dependent(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, float, int]:
+    """Sizes (c,), statistic and rank of columns (rows, c) that may depend on each other; the smallest such sizes."""
+    length = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    left, values, right = np.linalg.svd(columns / length, full_matrices=False)
+    kept = values > _LEAST_LEFT * values[0]
+    along = left[:, kept].T @ residual
+    return (right[kept].T @ (along / values[kept])) / length, float(along @ along), int(kept.sum())
 
 
 def supremum_p_value(

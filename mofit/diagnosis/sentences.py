@@ -32,6 +32,19 @@ def cause(laws: Sequence[Law], others: Sequence[Law] = (), left: str = "") -> st
     return start + (doubt if others else "")
 
 
+def rig_and_model(laws: Sequence[tuple[str, bool]], *, all_of_it: bool) -> str:
+    """What the rig adds, and what the model lacks: of each effect its title, and whether it is the rig's.
+
+    ``all_of_it``: whether they are the whole gap, beyond doubt.
+    """
+    rig, model = ([title for title, of_rig in laws if of_rig == whose] for whose in (True, False))
+    if not rig:
+        return ""
+    if all_of_it and not model:
+        return f" {'That is' if len(rig) == 1 else 'These are'} of the rig; the model need not change."
+    return f" The rig adds {' and '.join(rig)}" + (f"; the model lacks {' and '.join(model)}." if model else ".")
+
+
 def _best_law(family: str, title: str) -> str:
     return "" if family == title else f" (best law: {title})"
 

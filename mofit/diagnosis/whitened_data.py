@@ -17,8 +17,10 @@ from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.spectral_classes import CLASS_INDEX, classify, interference_lines, rotational_orders
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
+from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
 from mofit.simulation import first_input
+from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Relative singular value below which a combination of columns is none.
 _RANK = 1e-6
@@ -64,6 +66,12 @@ class WhitenedData:
     def stages(self) -> CalibrationStages:
         """The calibration stages, to be fitted again with effects."""
         return CalibrationStages(self.problem.space, self.calibrations, self.simulators)
+
+    @property
+    def scoped(self) -> ParameterSpace:
+        """The model's free parameters with a value per test or condition."""
+        simulator = self.problem.simulator
+        return simulator.scopes.space if isinstance(simulator, ScopedSimulator) else ParameterSpace(())
 
     @cached_property
     def prior_root(self) -> tuple[FloatArray, FloatArray]:

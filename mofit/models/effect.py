@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, product
 from typing import TypeVar
@@ -13,7 +13,7 @@ import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean
 from mofit.models.model import TARGET_UNIT, Applied, Channel, Condition, Equations, Model, Symbols
-from mofit.parameters import Parameter
+from mofit.parameters import PER_CAMPAIGN, Parameter
 
 Named = TypeVar("Named", Channel, Condition)
 Owned = TypeVar("Owned", Channel, Parameter)
@@ -43,6 +43,8 @@ class Effect(ABC):
         where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
+    of_rig
+        Whether the rig or the measuring chain adds it; else the model lacks it.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Effect(ABC):
     inputs: tuple[Channel, ...] = ()
     conditions: tuple[Condition, ...] = ()
     candidate: bool = True
+    of_rig: bool = False
 
     @abstractmethod
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
@@ -82,13 +85,39 @@ class Effect(ABC):
 
     @property
     def grid(self) -> dict[str, tuple[float, ...]]:
-        """Values to try of every parameter beside the size; the nominal one where it states none."""
-        return {p.name: p.grid or (p.nominal,) for p in self.parameters if p.neutral is None}
+        """Values to try of every parameter of the campaign beside the size; the nominal one where it states none."""
+        return {p.name: p.grid or (p.nominal,) for p in self._beside_size if p.per == PER_CAMPAIGN}
+
+    @property
+    def scoped_grid(self) -> dict[str, tuple[float, ...]]:
+        """The same of parameters with a value per test or condition: values that span what any of them does."""
+        return {p.name: p.grid or (p.nominal,) for p in self._beside_size if p.per != PER_CAMPAIGN}
+
+    @property
+    def _beside_size(self) -> list[Parameter]:
+        return [p for p in self.parameters if p.neutral is None]
 
     @property
     def grid_points(self) -> list[dict[str, float]]:
         """Every combination of the grid; one that is empty where all parameters are size."""
-        return [dict(zip(self.grid, point, strict=True)) for point in product(*self.grid.values())]
+        return _points(self.grid)
+
+    @property
+    def scoped_grid_points(self) -> list[dict[str, float]]:
+        """Every combination of the scoped grid; one that is empty without scoped parameters beside the size."""
+        return _points(self.scoped_grid)
+
+    @property
+    def scoped(self) -> bool:
+        """Whether a parameter has a value per test or condition."""
+        return any(p.per != PER_CAMPAIGN for p in self.parameters)
+
+    def for_tests(self, stated: Collection[str]) -> Effect:
+        """The effect for tests that all state these conditions; by default itself.
+
+        A condition that is missing may leave a parameter per test in its place.
+        """
+        return self
 
     def issues(self) -> list[Issue]:
         """What the effect's author must correct."""
@@ -105,6 +134,10 @@ class Effect(ABC):
         return found + [
             Issue(f"{where}, {issue.where}", issue.message, issue.hint) for p in self.parameters for issue in p.issues()
         ]
+
+
+def _points(grid: Mapping[str, tuple[float, ...]]) -> list[dict[str, float]]:
+    return [dict(zip(grid, point, strict=True)) for point in product(*grid.values())]
 
 
 class Scaling(Effect):

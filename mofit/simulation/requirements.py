@@ -83,6 +83,11 @@ def lacking(model: Model, campaign: Campaign, *, outputs_too: bool = True) -> li
     return issues
 
 
+def stated_conditions(campaign: Campaign) -> set[str]:
+    """Conditions that every test of the campaign states."""
+    return set.intersection(*({*m.experiment.conditions} for m in campaign.measurements))
+
+
 def all_conditions(experiment: Experiment) -> dict[str, float]:
     """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s."""
     start = {} if experiment.start_time is None else {"start_time": experiment.start_time}

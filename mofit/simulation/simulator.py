@@ -149,7 +149,10 @@ class Simulator:
         return [values[..., 0] for values in self._stored(p, derivatives=False)]
 
     def sensitivities(self, p: ArrayLike) -> list[tuple[FloatArray, FloatArray]]:
-        """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test."""
+        """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test.
+
+        With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np).
+        """
         return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
 
     def cost(self, p: ArrayLike) -> FloatArray:
@@ -207,7 +210,8 @@ class Simulator:
 
     def _checked(self, p: ArrayLike) -> FloatArray:
         p = np.ascontiguousarray(np.atleast_2d(np.asarray(p, dtype=float)))
-        if p.ndim != 2 or p.shape[1] != len(self.system.parameters):
+        by_test = p.ndim == 3 and self.steps and p.shape[1] == len(self.experiments)
+        if not (p.ndim == 2 or by_test) or p.shape[-1] != len(self.system.parameters):
             raise InputError.of(
                 "parameter sets",
                 f"shape {p.shape} does not end in {len(self.system.parameters)}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from mofit.quantities import EXCITATION_KINDS
 from mofit.results import summary
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import run_folder
+from mofit.simulation.requirements import stated_conditions
 
 #: Relative difference between a frequency that a user writes and that of a test.
 FREQUENCY_TOLERANCE = 1e-3
@@ -40,12 +42,14 @@ class Job:
     """Resume an interrupted identification."""
     hold_out: tuple[str, ...] = ()
     """Tests that are not used, but predicted."""
+    included: tuple[str, ...] = ()
+    """Effects that are part of the model that a diagnosis takes."""
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
     """Read, identify, write the run folder and its report; returns the folder and what ``--json`` prints."""
     campaign, chosen = _inputs(job, progress)
-    model = with_effects(chosen, *(find_effect(name) for name in job.effects))
+    model = _with_effects(chosen, job.effects, campaign)
     tests = _tests(campaign, model, job)
     folder, tree = identify(
         campaign, model, job.settings, tests=tests, hold_out=job.hold_out, out=job.out, resume=job.resume,
@@ -60,7 +64,8 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     from mofit.diagnosis.pages import write_diagnosis
     from mofit.diagnosis.result import summary as plain
 
-    campaign, model = _inputs(job, progress)
+    campaign, chosen = _inputs(job, progress)
+    model = _with_effects(chosen, job.included, campaign)
     effects, seed = list(job.effects), job.settings.seed
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
     configuration |= {"hold_out": list(job.hold_out)} if job.hold_out else {}
@@ -70,6 +75,12 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
         progress("write", 0, 1, "page")
         write_diagnosis(found, folder.partial)
     return folder.target, plain(found)
+
+
+def _with_effects(model: Model, names: Sequence[str], campaign: Campaign) -> Model:
+    """The model with effects as the campaign's conditions ask for them."""
+    stated = stated_conditions(campaign)
+    return with_effects(model, *(find_effect(name).for_tests(stated) for name in names))
 
 
 def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:

@@ -20,7 +20,7 @@ FRICTION = (("dry_friction", (("F_d", 30.0),)),)
 
 
 def score(name, statistic, confounding=0.5):
-    return SimpleNamespace(name=name, statistic=statistic, confounding=confounding)
+    return SimpleNamespace(name=name, statistic=statistic, promise=statistic, confounding=confounding)
 
 
 def test_what_a_cut_leaves_out_has_a_reason() -> None:

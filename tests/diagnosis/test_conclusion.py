@@ -73,7 +73,7 @@ def test_sentences_say_what_is_left():
     assert little == ". The nearest, payne, leaves less than 0.5 % of the gap's mean square, which is significant"
     assert nearest(["drift", "payne"], 0.3) == ". The nearest, drift with payne, leaves 30 % of the gap's mean square"
     assert left_over(0.18, Location("sine_3Hz", "odd", 0.7)) == (
-        "18 % of its mean square is left, most of it on odd harmonics of sine_3Hz"
+        "18 % of its mean square is left in the fit to all tests, most of it on odd harmonics of sine_3Hz"
     )
     assert left_over(0.18, Location("", "dc", 0.7)).endswith("most of it on the constant")
     assert left_over(0.18, Location("sine_3Hz", "", 0.7)).endswith("most of it in sine_3Hz")

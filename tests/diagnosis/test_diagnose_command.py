@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from damper_rig import damper_campaign
+from damper_with_offsets import damper_with_offsets
 
 from mofit.cli import main
 from mofit.data import write_campaign
@@ -86,3 +87,15 @@ def test_two_at_the_same_moment_both_end_well(campaign_file: Path, tmp_path: Pat
     assert [folder.name for folder in folders] == [f"diagnosis-kelvin_voigt_damper{end}" for end in ("", "-2")]
     for folder in folders:
         assert sorted(path.name for path in folder.iterdir()) == ["diagnosis.html", "diagnosis.json"]
+
+
+def test_values_per_test_on_the_command_line(tmp_path: Path, capsys) -> None:
+    write_campaign(damper_with_offsets(), tmp_path / "offsets.nc")
+    arguments = ["diagnose", str(tmp_path / "offsets.nc"), "--model", "kelvin_voigt_damper", "--json", "--jobs", "1"]
+    arguments += ["--effects", "dry_friction", "--effects", "test_offset", "--out"]
+    assert main([*arguments, str(tmp_path / "without")]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "effect"
+    more = ["--per-test", "F_0", "--include", "delay", "--per-test", "tau_d"]
+    assert main([*arguments, str(tmp_path / "with"), *more]) == 0
+    assert json.loads(capsys.readouterr().out)["verdict"] == "none"
+    assert "F_0 [2 Hz]" not in (tmp_path / "without" / "diagnosis.html").read_text()

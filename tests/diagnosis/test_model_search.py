@@ -20,7 +20,7 @@ def model(criterion, *effects):
 
 
 def scores(**statistics):
-    return [SimpleNamespace(name=name, statistic=value) for name, value in statistics.items()]
+    return [SimpleNamespace(name=name, statistic=value, promise=value) for name, value in statistics.items()]
 
 
 def extensions(level, tests, share=0.5):

@@ -1,5 +1,7 @@
 """The score test against what it stands for: the drop of the squares, chance, and where parameters hide an effect."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from damper_rig import damper_campaign, damper_fit
@@ -7,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2, norm
 
-from mofit.diagnosis.candidates import Candidate, choose_effects, prepare
+from mofit.diagnosis.candidates import choose_effects, prepare
 from mofit.diagnosis.fitting import project
 from mofit.diagnosis.refit import refit
 from mofit.diagnosis.score_test import holm, score_tests, supremum_p_value
@@ -53,7 +55,7 @@ def test_an_offset_that_the_model_has_is_absorbed(fitted) -> None:
 
 def test_the_wrong_sign_is_no_evidence(fitted) -> None:
     candidate = prepare(fitted, find_effect("dry_friction"))
-    turned = Candidate(candidate.discrepancies, -candidate.sensitivities, candidate.steps)
+    turned = replace(candidate, sensitivities=-candidate.sensitivities)
     right, wrong = score_tests(fitted, [candidate])[0], score_tests(fitted, [turned])[0]
     assert min(right.statistic, wrong.statistic) == 0.0
     assert max(right.p_value, wrong.p_value) == 1.0

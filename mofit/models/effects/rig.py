@@ -2,23 +2,47 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection
+
 import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.filters import Washout, delay_time, delayed, lagged, washout_states, washout_time
 from mofit.models.library.steady_state import LOAD
 from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, TIME, Applied, Condition, Symbols
-from mofit.parameters import Parameter, powers
+from mofit.parameters import PER_TEST, Parameter, powers
 
 #: how times grow with the data
 DURATION = powers(time=1)
+
+
+def unknown_turn(suffix: str, of: str) -> tuple[Parameter, Parameter]:
+    """Angle of what turns at the first sample of every test, and its rate relative to that of speed and radius.
+
+    Cosine and sine span what an angle does. Its range holds every angle three times, so that none is at an end of it.
+    A rolling radius is known to some tenths of a percent: in 20 s at 10 Hz half a percent is a whole turn.
+    """
+    end = 3 * math.pi
+    return (
+        Parameter(
+            f"theta_{suffix}", "rad", -end, end, 0.0, description=f"angle of the {of} at the first sample",
+            grid=(0.0, math.pi / 2), per=PER_TEST,
+        ),
+        Parameter(
+            f"e_{suffix}", "1", -6e-3, 6e-3, 0.0, description=f"relative error of the {of}'s rate",
+            grid=(-4e-3, -2e-3, 0.0, 2e-3, 4e-3),
+        ),
+    )  # fmt: skip
 
 
 class WheelOrder(Addition):
     r"""Force plus :math:`A_c \cos\theta + A_s \sin\theta` [N], :math:`\theta = v t / r + \theta_0`: non-uniformity.
 
     Fingerprint: one line at :math:`v / (2 \pi r)`, 8.7 Hz at 60 km/h, whatever the steer does. Each test's wheel
-    angle at its first sample is the condition ``wheel_phase``, 0 where the file does not state it.
+    angle at its first sample is the condition ``wheel_phase``. Where a test does not state it, there was no encoder:
+    the term is :math:`A_w \cos((1 + e_w) v t / r + \theta_w)` then, with an angle :math:`\theta_w` per test and an
+    error :math:`e_w` of the rate, both estimated.
     """
 
     name = "wheel_order"
@@ -26,7 +50,7 @@ class WheelOrder(Addition):
     family = "non-uniformity of rotating parts"
     on = ("lateral_force",)
     needs = ("longitudinal_velocity",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter(
             "A_wc", "N", -500.0, 500.0, 14.0, description="cosine of the force variation", neutral=0.0, scales=LOAD
         ),
@@ -35,14 +59,31 @@ class WheelOrder(Addition):
         ),
     )
     inputs = (TIME,)
-    conditions = (
+    conditions: tuple[Condition, ...] = (
         Condition("dynamic_rolling_radius", "m", 0.305, "radius that the wheel turns with"),
         Condition("wheel_phase", "rad", 0.0, "angle of the wheel at the first sample"),
     )
+    of_rig = True
+
+    def __init__(self, angle_known: bool = True) -> None:
+        self.angle_known = angle_known
+        if not angle_known:
+            amplitude = Parameter(
+                "A_w", "N", 0.0, 500.0, 20.0, description="amplitude of the force variation", neutral=0.0, scales=LOAD
+            )
+            self.parameters = (amplitude, *unknown_turn("w", "wheel"))
+            self.conditions = tuple(one for one in self.conditions if one.name != "wheel_phase")
+
+    def for_tests(self, stated: Collection[str]) -> Effect:
+        """With an angle per test where some test does not state it."""
+        return WheelOrder("wheel_phase" in stated)
 
     def term(self, s: Symbols) -> ca.SX:
         """Variation of the force."""
-        angle = s.longitudinal_velocity * s.time / s.dynamic_rolling_radius + s.wheel_phase
+        turned = s.longitudinal_velocity * s.time / s.dynamic_rolling_radius
+        if not self.angle_known:
+            return s.A_w * ca.cos((1 + s.e_w) * turned + s.theta_w)
+        angle = turned + s.wheel_phase
         return s.A_wc * ca.cos(angle) + s.A_ws * ca.sin(angle)
 
 
@@ -50,7 +91,9 @@ class DrumRunout(Scaling):
     r"""Load, and the contact patch's force with it, times :math:`1 + m_c \cos\theta + m_s \sin\theta`.
 
     :math:`\theta = v t / R + \theta_0` with the drum's radius :math:`R`, 0.61 m where the file does not state it
-    (4.35 Hz at 60 km/h), and its angle at the first sample. Fingerprint: sidebands of the drum order, ± f.
+    (4.35 Hz at 60 km/h), and its angle at the first sample, ``drum_phase``. Where a test does not state it the change
+    is :math:`m_d \cos((1 + e_d) v t / R + \theta_d)`, with an angle :math:`\theta_d` per test and an error :math:`e_d`
+    of the rate, both estimated. Fingerprint: sidebands of the drum order, ± f.
     """
 
     name = "drum_runout"
@@ -58,19 +101,36 @@ class DrumRunout(Scaling):
     family = "non-uniformity of rotating parts"
     on = ("slip_stiffness",)
     needs = ("longitudinal_velocity",)
-    parameters = (
+    parameters: tuple[Parameter, ...] = (
         Parameter("m_dc", "1", -0.3, 0.3, 0.0057, description="cosine of the load's modulation", neutral=0.0),
         Parameter("m_ds", "1", -0.3, 0.3, 0.0057, description="sine of the load's modulation", neutral=0.0),
     )
     inputs = (TIME,)
-    conditions = (
+    conditions: tuple[Condition, ...] = (
         Condition("drum_radius", "m", 0.61, "radius of the drum"),
         Condition("drum_phase", "rad", 0.0, "angle of the drum at the first sample"),
     )
+    of_rig = True
+
+    def __init__(self, angle_known: bool = True) -> None:
+        self.angle_known = angle_known
+        if not angle_known:
+            amplitude = Parameter(
+                "m_d", "1", 0.0, 0.3, 0.008, description="amplitude of the load's modulation", neutral=0.0
+            )
+            self.parameters = (amplitude, *unknown_turn("d", "drum"))
+            self.conditions = tuple(one for one in self.conditions if one.name != "drum_phase")
+
+    def for_tests(self, stated: Collection[str]) -> Effect:
+        """With an angle per test where some test does not state it."""
+        return DrumRunout("drum_phase" in stated)
 
     def change(self, s: Symbols, value: ca.SX) -> ca.SX:
         """Modulation of the load."""
-        angle = s.longitudinal_velocity * s.time / s.drum_radius + s.drum_phase
+        turned = s.longitudinal_velocity * s.time / s.drum_radius
+        if not self.angle_known:
+            return s.m_d * ca.cos((1 + s.e_d) * turned + s.theta_d)
+        angle = turned + s.drum_phase
         return s.m_dc * ca.cos(angle) + s.m_ds * ca.sin(angle)
 
 
@@ -81,6 +141,7 @@ class ForceGain(Scaling):
     title = "force gain"
     family = "sensor error"
     on = ("lateral_force", "force")
+    of_rig = True
     parameters = (Parameter("g_F", "1", -0.2, 0.2, 0.02, description="gain error of the force", neutral=0.0),)
 
 
@@ -91,11 +152,31 @@ class ForceOffset(Addition):
     title = "force offset"
     family = "sensor error"
     on = ("lateral_force", "force")
+    of_rig = True
     parameters = (
         Parameter(
             "F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0, scales=powers(force=1)
         ),
     )
+
+
+class TestOffset(Addition):
+    r"""Force :math:`F + F_t`: zero drift of a transducer that is not set to zero before every test.
+
+    Fingerprint: mean values that differ from test to test, whatever it is.
+    """
+
+    name = "test_offset"
+    title = "force offset of each test"
+    family = "sensor error"
+    on = ("lateral_force", "force")
+    parameters = (
+        Parameter(
+            "F_t", "N", -500.0, 500.0, 25.0, description="offset of the force in a test", neutral=0.0, per=PER_TEST,
+            scales=powers(force=1),
+        ),
+    )  # fmt: skip
+    of_rig = True
 
 
 class SlipOffset(Addition):
@@ -105,6 +186,7 @@ class SlipOffset(Addition):
     title = "slip-angle offset"
     family = "sensor error"
     on = ("slip_angle",)
+    of_rig = True
     parameters = (Parameter("alpha_0", "rad", -0.02, 0.02, 0.0014, description="slip-angle offset", neutral=0.0),)
 
 
@@ -119,6 +201,7 @@ class CrossTalk(Addition):
     title = "cross-talk of the load"
     family = "sensor error"
     on = ("lateral_force",)
+    of_rig = True
     parameters = (Parameter("chi_z", "1", -0.1, 0.1, 0.005, description="cross-talk of the load", neutral=0.0),)
     conditions = (Condition("vertical_force", "N", None, "vertical load"),)
     candidate = False
