@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
@@ -34,6 +35,8 @@ class ProblemSetup:
     calibrations: tuple[Calibration, ...]
     warnings: tuple[str, ...]
     """A sentence per stage that had no tests, and per output that no test has."""
+    leads: Mapping[str, float] = field(default_factory=dict)
+    """Time that the periodic inputs of tests act on the model before the first sample, s."""
 
     @cached_property
     def searched(self) -> Problem:
@@ -46,7 +49,9 @@ class ProblemSetup:
         means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
         fixed = {**known, **self.settings.fixed, **means}
         space = ParameterSpace((*self.space.subset(free).parameters, *self.fitted.parameters))
-        return build_problem(self.model, self.campaign, space=space, fixed=fixed, jobs=self.settings.jobs)
+        return build_problem(
+            self.model, self.campaign, space=space, fixed=fixed, leads=self.leads, jobs=self.settings.jobs
+        )
 
     @property
     def fitted(self) -> ParameterSpace:
@@ -75,6 +80,7 @@ def set_up_problem(
     *,
     space: ParameterSpace | None = None,
     done: Sequence[Calibration] = (),
+    leads: Mapping[str, float] = MappingProxyType({}),
 ) -> ProblemSetup:
     """Choose tests and free parameters, and fit the calibration stages.
 
@@ -89,6 +95,8 @@ def set_up_problem(
         those asked for.
     done
         Stages fitted to this campaign before; those that are the same are not fitted again.
+    leads
+        Time that the periodic inputs of tests act on the model before the first sample, s.
 
     Raises
     ------
@@ -102,7 +110,7 @@ def set_up_problem(
     _refuse_calibrated(model, own)
     calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
     warnings = [*warnings, *_unmeasured(model, selected)]
-    return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings))
+    return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings), dict(leads))
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:

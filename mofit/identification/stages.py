@@ -21,6 +21,7 @@ from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
 from mofit.identification.settled_noise import with_settled_noise
+from mofit.identification.steady_start import leads_said, led_setup
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
@@ -74,12 +75,12 @@ def locate_minima(
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
     located, notes = _located(setup, timer, progress), list[str]()
-    for widen in (wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
+    for widen in (led_setup, wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
         if wider is None:
             continue
-        new = [*widenings(setup.fitted, wider.fitted), *widenings(setup.space, wider.space)]
+        new = [*widenings(setup.fitted, wider.fitted), *widenings(setup.space, wider.space), *leads_said(setup, wider)]
         for note in new:
             progress("search", 0, 0, str(note))
         setup, notes = wider, [*notes, *map(str, new)]

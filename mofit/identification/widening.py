@@ -70,7 +70,9 @@ def wider_setup(
         space = (best or setup).space.farther(sides)
         if space == (best or setup).space:
             break
-        wider = set_up_problem(setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations)
+        wider = set_up_problem(
+            setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations, leads=setup.leads
+        )
         wider = replace(wider, scoped=setup.scoped)
         target = wider.posterior.with_noise(noise)
         starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)

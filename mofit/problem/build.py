@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.data.repeats import repeated, with_repeats
@@ -28,6 +29,7 @@ def build_problem(
     fixed: Mapping[str, float] | None = None,
     prior: GaussianPrior = FLAT,
     settled: bool = False,
+    leads: Mapping[str, float] = MappingProxyType({}),
     jobs: int = 1,
 ) -> Problem:
     """Join a model and the tests of a campaign.
@@ -46,6 +48,8 @@ def build_problem(
         Knowledge from earlier stages.
     settled
         Use only the samples after each test's transient, periodic or not.
+    leads
+        Time that the periodic inputs of tests act on the model before the first sample, s.
     jobs
         Threads; results do not depend on it.
 
@@ -64,7 +68,8 @@ def build_problem(
         analyse(test, driver, measured_outputs(model, test)[0]) for test, driver in zip(tests, drivers, strict=True)
     ]
     repeats = repeated(tests)
-    signals = with_repeats(tests, alone, repeats)
+    found = zip(tests, with_repeats(tests, alone, repeats), strict=True)
+    signals = tuple(replace(analysis, lead=leads.get(test.name, 0.0)) for test, analysis in found)
     experiments = tuple(
         experiment_data(model, measurement, analysis, settled)
         for measurement, analysis in zip(tests, signals, strict=True)

@@ -120,4 +120,4 @@ def _folded(
     np.add.at(weighted, phase, experiment.weights[later] * (experiment.measured[later] - response[later]))
     mean = np.divide(weighted, weights, out=np.zeros_like(weighted), where=weights > 0)
     measured = np.where(weights > 0, response[:end] + mean, 0.0)
-    return experiment.changed(inputs=experiment.inputs[:end], measured=measured, weights=weights)
+    return experiment.changed(inputs=experiment.inputs[: experiment.lead + end], measured=measured, weights=weights)

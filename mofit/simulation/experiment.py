@@ -20,6 +20,8 @@ from mofit.simulation.requirements import all_conditions, derived_channels, meas
 
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
 _SHORT_TEST = 20_000
+#: share of a period within which a time counts as a whole number of periods
+_ROUNDING = 1e-9
 #: share of a period that a record may lack and still count as whole periods
 _SHORT = 0.1
 
@@ -35,7 +37,7 @@ class ExperimentData:
     step
         Sampling interval, s.
     inputs
-        Shape (n, nu).
+        Shape (lead + n, nu).
     interpolation
         Of the inputs between samples. ``"cubic"``: not-a-knot cubic spline, so that sampling does not limit the
         accuracy of smooth inputs; ``"linear"``: straight lines, for steps; ``"hold"``: the value of the last sample
@@ -48,6 +50,9 @@ class ExperimentData:
         Shape (n, ny); zero drops a sample.
     origin
         The test that `changed` made this one from. Both are integrated on the same time grid.
+    lead
+        Samples of the inputs before the first one of the record: a model that is to begin in its steady state starts
+        so much earlier, and its outputs there are not kept.
     """
 
     name: str
@@ -58,6 +63,7 @@ class ExperimentData:
     measured: FloatArray
     weights: FloatArray
     origin: ExperimentData | None = None
+    lead: int = 0
 
     def changed(self, **data: FloatArray) -> ExperimentData:
         """With other measured outputs or weights, or with fewer samples."""
@@ -65,8 +71,13 @@ class ExperimentData:
 
     @property
     def samples(self) -> int:
-        """Number of samples."""
+        """Number of samples that are simulated."""
         return len(self.inputs)
+
+    @property
+    def recorded(self) -> int:
+        """Number of samples of the record, n."""
+        return self.samples - self.lead
 
     @cached_property
     def fitted(self) -> tuple[int, ...]:
@@ -76,14 +87,15 @@ class ExperimentData:
 
     @cached_property
     def data(self) -> FloatArray:
-        """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (n, 1 + 2 ny)."""
-        n, ny = self.measured.shape
-        data = np.empty((n, 1 + 2 * ny))
-        data[:, 0] = np.any(self.weights != 0, axis=1)
-        data[:, 1 : 1 + ny], data[:, 1 + ny :] = self.measured, self.weights
+        """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (lead + n, 1 + 2 ny)."""
+        ny = self.measured.shape[1]
+        data = np.zeros((self.samples, 1 + 2 * ny))
+        record = data[self.lead :]
+        record[:, 0] = np.any(self.weights != 0, axis=1)
+        record[:, 1 : 1 + ny], record[:, 1 + ny :] = self.measured, self.weights
         # the same numbers once in memory
-        object.__setattr__(self, "measured", data[:, 1 : 1 + ny])
-        object.__setattr__(self, "weights", data[:, 1 + ny :])
+        object.__setattr__(self, "measured", record[:, 1 : 1 + ny])
+        object.__setattr__(self, "weights", record[:, 1 + ny :])
         return data
 
     @cached_property
@@ -114,12 +126,12 @@ class ExperimentData:
 
     def issues(self, system: System) -> list[Issue]:
         """Every mismatch with the system."""
-        n, ny = self.samples, len(system.outputs)
+        n, ny = self.recorded, len(system.outputs)
         where = f"test '{self.name}'"
         found = [
             Issue(where, f"{what} have shape {np.shape(value)}, not {shape}", "Give one column per channel")
             for what, value, shape in (
-                ("inputs", self.inputs, (n, len(system.inputs))),
+                ("inputs", self.inputs, (self.samples, len(system.inputs))),
                 ("measured outputs", self.measured, (n, ny)),
                 ("weights", self.weights, (n, ny)),
                 ("conditions", self.conditions, (len(system.conditions),)),
@@ -211,7 +223,18 @@ def experiment_data(model: Model, measurement: Measurement, record: SignalAnalys
                 "Leave the test out or check the channel",
             )
         measured[used, index], weights[used, index] = values[used], 1 / np.square(span)
-    return in_model_order(model, experiment, columns, measured, weights)
+    return _led(in_model_order(model, experiment, columns, measured, weights), model, record)
+
+
+def _led(data: ExperimentData, model: Model, record: SignalAnalysis) -> ExperimentData:
+    """The test with its inputs repeated before the first sample, for the time that the analysis says."""
+    lead = round(record.lead / data.step) if record.period else 0
+    if not lead or record.period is None:
+        return data
+    before = -data.step * np.arange(lead, 0, -1)
+    repeated = data.at(before + np.ceil(-before / record.period - _ROUNDING) * record.period).T
+    repeated[:, [channel.name == TIME.name for channel in model.inputs]] = 0.0
+    return replace(data, inputs=np.concatenate([repeated, data.inputs]), lead=lead)
 
 
 def in_model_order(

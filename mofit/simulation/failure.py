@@ -49,7 +49,7 @@ def _watched(system: System, experiment: ExperimentData, p: FloatArray) -> Float
     out = ca.Function("out", symbols, [ca.vertcat(system.out(*symbols), symbols[0])], ["x", "u", "p", "c"], ["y"])
     watched = replace(system, out=out, outputs=(*system.outputs, *system.states))
     shape = (experiment.samples, len(watched.outputs))
-    data = replace(experiment, measured=np.zeros(shape), weights=np.ones(shape), origin=None)
+    data = replace(experiment, measured=np.zeros(shape), weights=np.ones(shape), origin=None, lead=0)
     with np.errstate(all="ignore"):
         return Simulator(watched, [data], ()).simulate(p)[0][0]
 

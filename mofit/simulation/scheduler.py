@@ -137,9 +137,9 @@ class Scheduler:
         """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
         columns = self._shape(derivatives).columns
         count = len(range(len(self.system.outputs))[kept])
-        result = [np.full((len(p), experiment.samples, count, columns), np.nan) for experiment in experiments]
+        result = [np.full((len(p), experiment.recorded, count, columns), np.nan) for experiment in experiments]
         for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
-            result[test][rows] = values[:, :, kept, : len(rows)].transpose(3, 0, 2, 1)
+            result[test][rows] = values[experiments[test].lead :, :, kept, : len(rows)].transpose(3, 0, 2, 1)
         return result
 
     def _shape(self, derivatives: bool) -> Shape:

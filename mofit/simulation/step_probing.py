@@ -218,8 +218,9 @@ class StepProbe:
         return np.clip(np.nan_to_num(needed, nan=steps), 0.5 * steps if steps > 1 else 0.1, steps)
 
     def _excerpt(self, experiment: ExperimentData) -> ExperimentData:
-        """The part of a long test in which its inputs move most."""
-        length = self.settings.samples
+        """The part of a long test in which its inputs move most, without the lead."""
+        length, inputs = self.settings.samples, experiment.inputs[experiment.lead :]
+        experiment = replace(experiment, inputs=inputs, lead=0, origin=None) if experiment.lead else experiment
         if experiment.samples <= length:
             return experiment
         starts = np.linspace(0, experiment.samples - length, 50).astype(int)

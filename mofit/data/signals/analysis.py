@@ -64,6 +64,8 @@ class SignalAnalysis:
     records"``, ``"smoothing residual"`` or ``"top of spectrum"`` (a lower bound)."""
     noise_floor: Mapping[str, float]
     """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
+    lead: float = 0.0
+    """Time that the inputs, repeated, act on a model before the first sample, s."""
 
     @property
     def repeats(self) -> bool:

@@ -79,7 +79,7 @@ def _stage(calibration: Calibration) -> xr.Dataset:
         {
             "value": list(calibration.values.values()),
             "sd": list(calibration.sd.values()),
-            "x": joined([experiment.inputs[:, 0] for experiment in problem.experiments]),
+            "x": joined([experiment.inputs[experiment.lead :, 0] for experiment in problem.experiments]),
             "measured": joined([experiment.measured[:, 0] for experiment in problem.experiments]),
             "fitted": joined([values[0, :, 0] for values in problem.simulate(calibration.minimum[None])]),
             "nrmsd": float(np.mean(problem.objectives(calibration.minimum[None]))),

@@ -73,7 +73,7 @@ def simulated_signals(
 
     last = (len(wanted),) * (len(wanted) > 1)
     values = [
-        Computed(partial(compute, test), (*lead, experiment.samples, *last), dtype)
+        Computed(partial(compute, test), (*lead, experiment.recorded, *last), dtype)
         for test, experiment in enumerate(problem.experiments)
     ]
     return _signals(problem, values, wanted, "simulated ")

@@ -1,0 +1,90 @@
+"""Records that begin in their steady state: the model is driven with their inputs until it is in its own.
+
+Where a rig has settled before the record begins, a model that starts at rest rings up meanwhile. A lightly damped one
+does so for many periods. So its inputs, which repeat, act on it for some time before the first sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.identification.problem_setup import ProblemSetup
+from mofit.identification.widening import WORTH
+from mofit.optimize import Minimum, merge, refine
+from mofit.problem import CampaignPosterior, Problem
+from mofit.simulation import objective_pairs
+
+#: Longest time before a record, in lengths of it: a mode of 1 % damping rings up within twenty of its cycles by 1/e^10.
+_LONGEST = 8
+#: Change of the outputs by a start elsewhere that counts, in standard deviations of any parameter.
+_CHANGE = 0.1
+#: Steps per sampling interval that tell whether there is a change at all.
+_STEPS = 4
+
+
+def led_setup(setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimum) -> ProblemSetup | None:
+    """The problem with the inputs led in where that fits better, by local descents; None where it does not.
+
+    Parameters
+    ----------
+    setup, posterior, minimum
+        The problem, its posterior with noise estimated, and the best minimum.
+    """
+    steady, best, lengths = steady_from_start(posterior.main), setup, 1
+    point, value = minimum.point, float(posterior.evaluate(minimum.point[None])[0][0])
+    while steady and lengths <= _LONGEST:
+        led = replace(setup, leads={name: lengths * length for name, length in steady.items()})
+        if not _depends_on_start(best.posterior.main.with_noise(posterior.main.noise), led.posterior.main, point):
+            break
+        target = led.posterior.with_noise(posterior.main.noise)
+        (found, *_) = merge(refine(target.evaluate, point[None])) or (None,)
+        if found is None or not value - found.value > WORTH:
+            break
+        best, point, value, lengths = led, found.point, found.value, 2 * lengths
+    return None if best is setup else _where_better(posterior.main, best, point)
+
+
+def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
+    """A sentence on the tests whose inputs are led in."""
+    if after.leads and after.leads != before.leads:
+        longest = max(after.leads.values())
+        yield (
+            f"{', '.join(after.leads)}: the record begins in its steady state, so its inputs, repeated, act on the "
+            f"model for up to {longest:.4g} s before."
+        )
+
+
+def steady_from_start(problem: Problem) -> dict[str, float]:
+    """Length [s] of every test that repeats from its first sample on, unless it says where its transient ends."""
+    tests = zip(problem.measurements, problem.signals, strict=True)
+    return {
+        test.name: test.experiment.length + test.experiment.step
+        for test, record in tests
+        if problem.system.states
+        and record.period
+        and record.periods >= 2
+        and not record.transient
+        and test.experiment.transient is None
+    }
+
+
+def _depends_on_start(now: Problem, led: Problem, point: FloatArray) -> bool:
+    """Whether the earlier start changes the outputs by more than hardly anything."""
+    quick, full = now.simulator.with_steps(_STEPS), now.layout.full(point[None])
+    both = zip(quick.simulate(full), quick.with_experiments(led.experiments).simulate(full), strict=True)
+    changes = [(there - here)[0] ** 2 for here, there in both]
+    pairs = objective_pairs(now.experiments)
+    seen = [now.experiments[test].weights[:, output] @ changes[test][:, output] for test, output in pairs]
+    return not float(now.noise.weights @ np.array(seen)) <= _CHANGE**2
+
+
+def _where_better(before: Problem, led: ProblemSetup, point: FloatArray) -> ProblemSetup:
+    """The problem with the inputs led in only of those tests that it fits better then."""
+    gains = before.objectives(point[None])[0] - led.posterior.main.objectives(point[None])[0]
+    pairs = zip(objective_pairs(before.experiments), gains, strict=True)
+    tests = {before.tests[test] for (test, _), gain in pairs if gain > 0}
+    return replace(led, leads={name: lead for name, lead in led.leads.items() if name in tests})
