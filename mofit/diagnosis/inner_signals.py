@@ -60,15 +60,16 @@ class Target:
 
 
 class InnerModel(Model):
-    """A model whose further outputs are its states, inputs, announced quantities and rates."""
+    """A model whose further outputs are its states, inputs, announced quantities and rates, and effects' ``states``."""
 
-    def __init__(self, base: Model) -> None:
+    def __init__(self, base: Model, effects_states: Sequence[str] = ()) -> None:
         self.base = base
         self.name, self.parameters, self.states, self.inputs = base.name, base.parameters, base.states, base.inputs
         self.conditions = base.conditions
         constants = {item.name for group in (base.parameters, base.conditions) for item in group}
         states = tuple(state.name for state in base.states)
-        self.signals = tuple(dict.fromkeys((*states, *(n for n in possible_targets(base) if n not in constants))))
+        targets = (name for name in possible_targets(base) if name not in constants)
+        self.signals = tuple(dict.fromkeys((*states, *targets, *effects_states)))
         self.outputs = (*base.outputs, *(Channel(f"inner signal {name}", "1") for name in self.signals))
 
     def equations(self, s: Symbols) -> Equations:
@@ -207,7 +208,9 @@ def same(a: FloatArray, b: FloatArray) -> bool:
 def inner_signals(fitted: Fitted) -> InnerSignals:
     """Simulate all that the fitted model computes in the tests."""
     hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
-    inner, effects = InnerModel(observed.problem.model), hypothesis.effects
+    effects = hypothesis.effects
+    states = [state.name for effect in effects for state in effect.states]
+    inner = InnerModel(observed.problem.model, states)
     first = len(observed.problem.model.outputs)
     experiments = [
         one.changed(

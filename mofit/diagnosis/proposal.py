@@ -32,14 +32,29 @@ from mofit.diagnosis.term_selection import (
 from mofit.diagnosis.terms import TermEffect, block, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.errors import InputError
+from mofit.models import TARGET_UNIT
 from mofit.runtime.progress import Progress
 
+#: Standard deviations to the ends of a 90 % interval.
+_Z90 = 1.645
 #: Most sets of terms that are fitted jointly in a round, and most of them on one quantity.
 _MOST_FITS, _MOST_OF_TARGET = 6, 4
 #: Standard deviations of the noise by which a test must be predicted worse to count.
 _WORSE = 2.0
 #: Least number of folds with a gap that a term must halve, if there are so many: one may be predicted by chance.
 _FEWEST_FOLDS = 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter of a term with its 90 % interval; ``name`` is that in the effect file."""
+
+    name: str
+    description: str
+    value: float
+    low: float
+    high: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,38 @@ class Proposal:
         """What the terms act on."""
         return self.effect.target
 
+    @property
+    def law(self) -> str:
+        """The terms in words."""
+        return f"{self.effect.title}, added to {self.target.name}"
+
+    @property
+    def sentence(self) -> str:
+        """What is proposed, and how far it shrinks the gap."""
+        beside = f" beside {' and '.join(self.beside)}" if self.beside else ""
+        return (
+            f"Proposed term{beside}, learnt from these data: {self.law}. On held-out {self.held_out} it removes "
+            f"{100 * self.removed:.1f} % of the gap ({100 * self.low:.1f} to {100 * self.high:.1f} %)."
+        )
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Every parameter of the terms with its interval."""
+        space, values = self.fitted.hypothesis.space, self.fitted.values
+        sds = dict(zip(space.names, self.fitted.sd() * self.fitted.derivative, strict=True))
+        units = {TARGET_UNIT: self.target.unit}
+        return tuple(
+            Estimate(
+                one.name,
+                one.description,
+                values[one.name],
+                values[one.name] - _Z90 * float(sds[one.name]),
+                values[one.name] + _Z90 * float(sds[one.name]),
+                units.get(one.unit, one.unit),
+            )
+            for one in self.effect.parameters
+        )
+
 
 @dataclass(frozen=True)
 class _Trial:
@@ -95,18 +142,17 @@ class _Trial:
 
 
 def propose(
-    found: Attribution, main: Fitted | None, rules: DiagnosisSettings, seed: int, progress: Progress
+    baseline: Fitted, main: Fitted | None, rules: DiagnosisSettings, seed: int, progress: Progress
 ) -> Proposal | str:
     """Terms learnt from the data, or why none is proposed.
 
     Parameters
     ----------
-    found
-        What was tried of the known effects.
+    baseline
+        The model without effects.
     main
         The model with the main cause, where there is one.
     """
-    baseline = found.baseline
     noisy = with_discrepancy(
         baseline.hypothesis.observed, rules.resolution * residual_map(baseline).relative, everywhere=True
     )
@@ -185,11 +231,9 @@ def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
 def _fitted(start: Fitted, best: _Trial, added: Selection) -> _Trial | None:
     """The terms so far and those added, fitted jointly with all parameters; None where that fails."""
     old = best.fitted.hypothesis
-    terms = [one.term for one in best.effect.terms] if best.effect else []
-    sizes = [best.fitted.values[one.size] for one in best.effect.terms] if best.effect else []
-    points = [best.fitted.values[one.shape] if one.shape else None for one in best.effect.terms] if best.effect else []
-    terms = [replace(term, point=point) for term, point in zip(terms, points, strict=True)]
-    taken = start.hypothesis.layout.names
+    present = _estimated(best.effect, best.fitted).terms if best.effect else ()
+    terms, sizes = [one.term for one in present], [one.value for one in present]
+    taken = {*start.hypothesis.layout.names, *(one.name for one in start.hypothesis.effects)}
     effect = proposed(added.target, [*terms, *added.terms], [*sizes, *added.sizes], taken)
     model = hypothesis(old.observed, (*start.hypothesis.discrepancies, _discrepancy(effect, len(old.observed.problem.space))))
     count = len(start.minimum.point)
@@ -225,7 +269,7 @@ def _validated(baseline: Fitted, best: _Trial, rules: DiagnosisSettings, seed: i
     fitted = found.best.fitted
     effect = best.effect
     assert effect is not None  # there is one
-    estimates = replace_nominal(effect, fitted)
+    estimates = _estimated(effect, fitted)
     beside = tuple(one.name for one in fitted.hypothesis.effects if one.name != effect.name)
     if len(observed.problem.tests) < 2:
         return _of_parts(baseline, best, fitted, estimates, beside)
@@ -246,19 +290,14 @@ def _validated(baseline: Fitted, best: _Trial, rules: DiagnosisSettings, seed: i
     )
 
 
-def replace_nominal(effect: TermEffect, fitted: Fitted) -> TermEffect:
+def _estimated(effect: TermEffect, fitted: Fitted) -> TermEffect:
     """The effect with the estimates as its terms' coefficients and shapes."""
     values = fitted.values
     terms = [
-        replace(
-            one,
-            value=values[one.size],
-            term=replace(one.term, point=values[one.shape]) if one.shape else one.term,
-        )
+        replace(one, value=values[one.size], term=replace(one.term, point=values.get(one.shape)))
         for one in effect.terms
     ]
-    reach = 10 * max([effect.target.scale, *(abs(one.value) for one in terms)])
-    return TermEffect(effect.name, effect.target, terms, reach)
+    return TermEffect(effect.name, effect.target, terms)
 
 
 def _of_parts(
@@ -272,7 +311,7 @@ def _of_parts(
     shares = 1 - after.sum() / before.sum()
     jack = [1 - np.delete(after, k).sum() / np.delete(before, k).sum() for k in range(len(after))]
     sd = float(np.sqrt((len(jack) - 1) * np.var(jack)))
-    low, high = shares - 1.645 * sd, min(shares + 1.645 * sd, 1.0)
+    low, high = shares - _Z90 * sd, min(shares + _Z90 * sd, 1.0)
     if low <= 0:
         return f"the best term removes {100 * shares:.0f} % of it on held-out parts ({100 * low:.0f} to {100 * high:.0f} %)"
     return Proposal(effect, beside, fitted, float(shares), float(low), float(high), float(shares), "parts")

@@ -7,8 +7,8 @@ coefficient is what its term adds there at most or so, in the unit of the quanti
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -87,11 +87,12 @@ class Term:
 
 #: Near zero, relative to the largest magnitude, a power is rounded off: its slope may be infinite there.
 _ROUND = "({x}**2 + 1e-6)"
-_STATE = "({drive} - {z}) / {p}"
 #: Powers that are tried of an odd and of an even function.
 _ODD, _EVEN = (0.5, 1.5, 2.0, 3.0, 5.0), (1.0, 2.0, 4.0)
 #: Width over which a sign changes; thresholds within a signal's range; lengths of a hysteresis, relative to its span.
 _WIDTHS, _THRESHOLDS, _LENGTHS = (0.02, 0.1), tuple(np.linspace(0.1, 0.9, 9)), (0.01, 0.03, 0.1, 0.3)
+#: Largest coefficient, relative to the largest magnitude of the quantity or the largest estimate.
+_REACH = 10.0
 #: Number of time constants that are tried, from two sampling intervals to half a record.
 _TIMES = 7
 
@@ -204,13 +205,15 @@ class PlacedTerm:
 class TermEffect(Effect):
     """Terms that act additively on a quantity."""
 
-    def __init__(self, name: str, target: Target, terms: Sequence[PlacedTerm], reach: float) -> None:
-        self.name, self.title, self.on = name, "proposed term", (target.name,)
+    def __init__(self, name: str, target: Target, terms: Sequence[PlacedTerm]) -> None:
+        self.name, self.on = name, (target.name,)
+        self.title = " and ".join(dict.fromkeys(placed.term.title for placed in terms))
         self.target, self.terms = target, tuple(terms)
         variables = {one.name: one for placed in terms for one in placed.term.variables}
         rates = {one.rate for placed in terms for one in placed.term.variables if "{rate}" in placed.term.form.drives}
         self.variables = tuple(variables.values())
         self.needs = tuple(sorted({*variables, *rates}))
+        reach = _REACH * max([target.scale, *(abs(placed.value) for placed in terms)])
         own = {one.name: one for placed in terms for one in placed.parameters(reach)}
         self.parameters = tuple(own.values())
         with_state = {placed.state: placed for placed in terms if placed.state}
@@ -242,25 +245,18 @@ def block(target: Target, terms: Sequence[Term]) -> TermEffect:
             state = states.setdefault(key, f"state_{len(states)}")
             shape = f"shape_of_{state}"
         placed.append(PlacedTerm(term, f"trial_{k}", shape, state))
-    return TermEffect("trial", target, placed, 1.0)
+    return TermEffect("trial", target, placed)
 
 
-def proposed(target: Target, terms: Sequence[Term], sizes: Sequence[float], taken: Mapping[str, Any]) -> TermEffect:
+def proposed(target: Target, terms: Sequence[Term], sizes: Sequence[float], taken: Collection[str]) -> TermEffect:
     """An effect of a few terms with these coefficients, under names that are not taken."""
     placed, number = [], 0
     for term, size in zip(terms, sizes, strict=True):
         number += 1
-        while any(name.endswith(f"_{number}") for name in taken):
+        while f"size_{number}" in taken:
             number += 1
-        shape = term.form.shape
-        placed.append(
-            PlacedTerm(
-                term,
-                f"size_{number}",
-                f"{shape.name}_{number}" if shape else "",
-                f"memory_{number}" if term.form.drives else "",
-                float(size),
-            )
-        )
-    reach = 10 * max([target.scale, *(abs(size) for size in sizes)])
-    return TermEffect("proposed", target, placed, reach)
+        shape, state = term.form.shape, f"memory_{number}" if term.form.drives else ""
+        bent = f"{shape.name}_{number}" if shape else ""
+        placed.append(PlacedTerm(term, f"size_{number}", bent, state, float(size)))
+    name = next(name for k in range(1, len(taken) + 2) if (name := "proposed" + f"_{k}" * (k > 1)) not in taken)
+    return TermEffect(name, target, placed)
