@@ -58,12 +58,12 @@ def _plain(text: str) -> str:
 
 
 def _parameter(one: Parameter) -> str:
-    """A parameter as a line of Python."""
+    """A parameter in Python."""
     unit = "TARGET_UNIT" if one.unit == TARGET_UNIT else f'"{one.unit}"'
     numbers = f"{one.lower:.6g}, {one.upper:.6g}, {one.nominal:.6g}"
     rest = f'description="{one.description}"' + (", neutral=0.0" if one.neutral is not None else "")
     scale = ', "log"' if one.scale == "log" else ""
-    return f'Parameter("{one.name}", {unit}, {numbers}{scale}, {rest}),\n'
+    return f'Parameter(\n    "{one.name}", {unit}, {numbers}{scale},\n    {rest},\n),\n'
 
 
 def _states(effect: TermEffect) -> str:

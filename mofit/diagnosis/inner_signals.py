@@ -1,4 +1,4 @@
-"""What a fitted model computes on its way from input to output: where a missing term may act, and on what it depends."""
+"""What a fitted model computes between input and output: where a missing term may act, and on what it depends."""
 
 from __future__ import annotations
 
@@ -221,9 +221,7 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)
     values = {**hypothesis.layout.fixed, **fitted.values}
     outputs = simulator.simulate(np.array([[values[name] for name in system.parameters]]))
-    signals = [
-        {name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs
-    ]
+    signals = [{name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs]
     used = {test: slice(w.start, w.start + w.count) for test, _, w in reversed(observed.records)}
     return InnerSignals(
         fitted,

@@ -6,7 +6,6 @@ fitted model. A fit to tests, or to blocks of them, follows from sums of product
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,8 +51,8 @@ class Selection:
 def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
     """Sets of terms that predict folds which they were not fitted to, better than the model as it is.
 
-    The one that forward selection leads to, as few terms as predict within one standard error of the best number, or within
-    ``least`` squares; and every form alone, at the best of its shapes. The best first.
+    The one that forward selection leads to, as few terms as predict within one standard error of the best number, or
+    within ``least`` squares; and every form alone, at the best of its shapes. The best first.
     """
     observed = fitted.hypothesis.observed
     rows = len(observed.measured)
@@ -89,7 +88,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
 
 
 def prediction_errors(fitted: Fitted) -> FloatArray:
-    """Squares that a fit to the other folds leaves of every fold, one Gauss–Newton step from the fit to all, (folds,)."""
+    """Squares that fits to the other folds leave of every fold, (folds,): one Gauss–Newton step from the fit to all."""
     rows = len(fitted.hypothesis.observed.measured)
     columns = np.column_stack([-fitted.jacobian[:rows, fitted.free], fitted.residual[:rows]])
     grams = fold_products(fitted.hypothesis.observed, columns)
@@ -185,7 +184,8 @@ def noise_squares(observed: WhitenedData) -> FloatArray:
     """Squares of the noise in the metric of `fold_products`, (folds,)."""
     share = observed.explainable * observed.noise_share * observed.variance
     tests = len(observed.problem.tests)
-    found = np.bincount(observed.test, share / observed.ranges[observed.record] ** 2, tests)
+    relative = share / observed.ranges[observed.record] ** 2
+    found = np.array([relative[observed.test == test].sum() for test in range(tests)])
     return found if tests > 1 else np.full(_BLOCKS, found[0] / _BLOCKS)
 
 

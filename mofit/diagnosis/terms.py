@@ -21,13 +21,12 @@ from mofit.parameters import Parameter
 
 @dataclass(frozen=True)
 class Shape:
-    """A parameter that bends a form: its name, unit, range and values to try."""
+    """A parameter that bends a form: its name, unit and range."""
 
     name: str
     unit: str
     lower: float
     upper: float
-    grid: tuple[float, ...]
     description: str
     scale: Any = "linear"
 
@@ -102,16 +101,19 @@ def static_terms(variables: Sequence[Variable]) -> list[Term]:
     found = []
     for x in variables:
         found.append(Term(Form("{x}", "{x}"), x))
-        exponent = Shape("exponent", "1", 0.05, 8.0, (), "its exponent", "log")
+        exponent = Shape("exponent", "1", 0.05, 8.0, "its exponent", "log")
         odd = Form("{x} times a power of its magnitude", f"{{x}} * {_ROUND} ** (({{p}} - 1) / 2)", shape=exponent)
         found += [Term(odd, x, point=power) for power in _ODD]
         even = Form("a power of the magnitude of {x}", f"{_ROUND} ** ({{p}} / 2)", shape=exponent)
         found += [Term(even, x, point=power) for power in _EVEN]
-        width = Shape("width", "1", 1e-3, 1.0, (), "half the width over which it changes its sign, relative", "log")
+        width = Shape("width", "1", 1e-3, 1.0, "half the width over which it changes its sign, relative", "log")
         found += [Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS]
         span = x.high - x.low
-        for title, text in (("{x} above a threshold", "ca.fmax({x} - {p}, 0)"), ("{x} below a threshold", "ca.fmax({p} - {x}, 0)")):
-            threshold = Shape("threshold", "1", x.low, x.high, (), "where it begins, relative")
+        for title, text in (
+            ("{x} above a threshold", "ca.fmax({x} - {p}, 0)"),
+            ("{x} below a threshold", "ca.fmax({p} - {x}, 0)"),
+        ):
+            threshold = Shape("threshold", "1", x.low, x.high, "where it begins, relative")
             found += [Term(Form(title, text, shape=threshold), x, point=x.low + share * span) for share in _THRESHOLDS]
     for x in variables:
         for y in variables:
@@ -127,7 +129,7 @@ def static_terms(variables: Sequence[Variable]) -> list[Term]:
 def memory_terms(variables: Sequence[Variable], shortest: float, longest: float) -> list[list[Term]]:
     """Signals and their magnitudes and squares behind a lag, also times a signal; one list per time constant in s."""
     drives = {"{x}": "{x}", "the magnitude of {x}": "ca.fabs({x})", "the square of {x}": "{x} ** 2"}
-    time = Shape("time", "s", shortest / 4, 10 * longest, (), "time constant of the memory", "log")
+    time = Shape("time", "s", shortest / 4, 10 * longest, "time constant of the memory", "log")
     found = []
     for point in np.geomspace(shortest, longest, _TIMES):
         own = []
@@ -151,7 +153,7 @@ def hysteresis_terms(variables: Sequence[Variable]) -> list[list[Term]]:
     for share in _LENGTHS if moved else ():
         own = []
         for x in moved:
-            length = Shape("length", x.unit, 1e-4 * x.scale, 10 * x.scale, (), "length over which it builds up", "log")
+            length = Shape("length", x.unit, 1e-4 * x.scale, 10 * x.scale, "length over which it builds up", "log")
             state = "(s.{rate} - ca.fabs(s.{rate}) * {z}) / {p}"
             form = Form("a hysteresis of {x}", "{z}", state, shape=length)
             own.append(Term(form, x, point=share * (x.high - x.low) * x.scale))

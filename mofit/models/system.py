@@ -65,7 +65,9 @@ def build_system(model: Model) -> System:
     # an effect on an input that no equation uses still has states
     for name in groups["u"]:
         getattr(symbols, name)
-    own = {name: symbols.quantity(rate_of(name), _sx(where, name, value)) for name, value in equations.derivatives.items()}
+    own = {
+        name: symbols.quantity(rate_of(name), _sx(where, name, value)) for name, value in equations.derivatives.items()
+    }
     derivatives = {**own, **symbols.derivatives}
     initial = {**equations.initial, **symbols.initial}
     output_names = tuple(channel.name for channel in model.outputs)

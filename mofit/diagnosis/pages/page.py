@@ -88,7 +88,16 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
         blocks.append(Text(f"No term is proposed: {data['proposed_reason']}."))
     if data["next_experiment"]:
         blocks.append(Text(Markup("<b>What to test next.</b> {}").format(data["next_experiment"]["sentence"])))
-    keys = ("verdict", "sentence", "effects", "group", "shrinkage", "shrinkage_reason", "proposed_reason", "next_experiment")
+    keys = (
+        "verdict",
+        "sentence",
+        "effects",
+        "group",
+        "shrinkage",
+        "shrinkage_reason",
+        "proposed_reason",
+        "next_experiment",
+    )
     return Section("summary", "Verdict", blocks, {key: data[key] for key in keys})
 
 
