@@ -19,7 +19,7 @@ from mofit.diagnosis.whitened_data import WhitenedData
 
 #: Most terms of a proposal.
 MOST_TERMS = 3
-#: A single test is left out in so many blocks.
+#: A single test is left out in so many blocks; one more, the first, is always fitted: it holds the initial state.
 _BLOCKS = 5
 #: Share of its length that must be left of a column beside the parameters' and those chosen.
 _LEAST_LEFT = 1e-3
@@ -49,7 +49,7 @@ class Selection:
 
 
 def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
-    """Sets of terms that predict folds which they were not fitted to, better than the model as it is.
+    """Sets of terms by how well they predict folds which they were not fitted to.
 
     The one that forward selection leads to, as few terms as predict within one standard error of the best number, or
     within ``least`` squares; and every form alone, at the best of its shapes. The best first.
@@ -59,9 +59,8 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
     usable = [k for k in range(len(columns.terms)) if stable(columns.rows[:, k]) and np.any(columns.rows[:, k])]
     size = np.linalg.norm(columns.rows[:, usable], axis=0)
     own = [-fitted.jacobian[:rows, fitted.free], columns.rows[:, usable] / size, fitted.residual[:rows, None]]
-    grams = fold_products(observed, np.concatenate(own, axis=1))
-    prior = _prior(fitted, grams.shape[1])
-    total, free = grams.sum(axis=0) + prior, int(fitted.free.sum())
+    grams, total = fold_products(observed, np.concatenate(own, axis=1))
+    total, free = total + _prior(fitted, len(total)), int(fitted.free.sum())
     paths = [_path(total - gram, gram, free, most) for gram in grams]
     errors = np.array([[step.error for step in path] for path in paths]).T
     number = fewest(errors, least)
@@ -80,8 +79,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
     singles = np.sum([path[0].singles for path in paths], axis=0)
     forms: dict[str, int] = {}
     for k in np.argsort(singles, kind="stable"):
-        if singles[k] < errors[0].sum():
-            forms.setdefault(columns.terms[usable[k]].title, int(k))
+        forms.setdefault(columns.terms[usable[k]].title, int(k))
     alone = [(k, _added(every[0], k, free)) for k in forms.values()]
     found += [selection(step, float(singles[k])) for k, step in alone]
     return sorted(found, key=lambda one: one.error)
@@ -91,8 +89,8 @@ def prediction_errors(fitted: Fitted) -> FloatArray:
     """Squares that fits to the other folds leave of every fold, (folds,): one Gauss–Newton step from the fit to all."""
     rows = len(fitted.hypothesis.observed.measured)
     columns = np.column_stack([-fitted.jacobian[:rows, fitted.free], fitted.residual[:rows]])
-    grams = fold_products(fitted.hypothesis.observed, columns)
-    total = grams.sum(axis=0) + _prior(fitted, grams.shape[1])
+    grams, total = fold_products(fitted.hypothesis.observed, columns)
+    total = total + _prior(fitted, len(total))
     free = int(fitted.free.sum())
     return np.array([_path(total - gram, gram, free, 0)[0].error for gram in grams])
 
@@ -162,14 +160,14 @@ def _step(chosen: tuple[int, ...], turned: FloatArray, train: FloatArray, held: 
     return _Step(chosen, -turned[:-1, -1], float(still[-1, -1]), singles, turned, left)
 
 
-def fold_products(observed: WhitenedData, columns: FloatArray) -> FloatArray:
-    """Products of columns of whitened rows (m, k) over every fold, (folds, k, k).
+def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Products of columns of whitened rows (m, k) over every fold, (folds, k, k), and over all rows, (k, k).
 
     As signals relative to the output's range, every sample alike: sums of squares are relative mean squares. A fold is
     a test, or a block of a single one.
     """
     tests = len(observed.problem.tests)
-    blocks = 1 if tests > 1 else _BLOCKS
+    blocks = 1 if tests > 1 else _BLOCKS + 1
     found = np.zeros((tests * blocks, columns.shape[1], columns.shape[1]))
     for i, (test, _, w) in enumerate(observed.records):
         here = observed.record == i
@@ -177,7 +175,7 @@ def fold_products(observed: WhitenedData, columns: FloatArray) -> FloatArray:
         signals = np.stack([w.signal(column) for column in kept.T], axis=1) / (observed.ranges[i] * np.sqrt(w.count))
         for block, part in enumerate(np.array_split(signals, blocks)):
             found[test * blocks + block] += part.T @ part
-    return found
+    return found if tests > 1 else found[1:], found.sum(axis=0)
 
 
 def noise_squares(observed: WhitenedData) -> FloatArray:
@@ -186,7 +184,7 @@ def noise_squares(observed: WhitenedData) -> FloatArray:
     tests = len(observed.problem.tests)
     relative = share / observed.ranges[observed.record] ** 2
     found = np.array([relative[observed.test == test].sum() for test in range(tests)])
-    return found if tests > 1 else np.full(_BLOCKS, found[0] / _BLOCKS)
+    return found if tests > 1 else np.full(_BLOCKS, found[0] / (_BLOCKS + 1))
 
 
 def _prior(fitted: Fitted, size: int) -> FloatArray:
