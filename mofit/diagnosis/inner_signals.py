@@ -48,6 +48,11 @@ class Variable:
     high: float
     rate: str = ""
 
+    @property
+    def signed(self) -> bool:
+        """Whether it has both signs in the data."""
+        return self.low < 0 < self.high
+
 
 @dataclass(frozen=True)
 class Target:

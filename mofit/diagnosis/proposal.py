@@ -81,7 +81,7 @@ class Proposal:
     @property
     def law(self) -> str:
         """The terms in words."""
-        return f"{self.effect.title}, added to {self.target.name}"
+        return _law(self.effect)
 
     @property
     def sentence(self) -> str:
@@ -112,6 +112,10 @@ class Proposal:
         )
 
 
+def _law(effect: TermEffect) -> str:
+    return f"{effect.title}, added to {effect.target.name}"
+
+
 def propose(
     baseline: Fitted, main: Fitted | None, rules: DiagnosisSettings, seed: int, progress: Progress
 ) -> Proposal | str:
@@ -138,7 +142,8 @@ def propose(
         return "no function of the model's inputs and states predicts it in data that were left out"
     removed = 1 - float((best.errors - noise).sum() / (nothing - noise).sum())
     if removed < rules.partly:
-        return f"the best term would remove {100 * max(removed, 0.0):.0f} % of it in data that were left out"
+        share = f"{100 * max(removed, 0.0):.0f} %"
+        return f"the best one ({_law(best.effect)}) would remove {share} of it in data that were left out"
     shown = nothing > 2 * noise
     if np.sum(best.errors[shown] < 0.5 * nothing[shown]) < min(_FEWEST_FOLDS, len(nothing)):
         return "what the best term removes lies in one or two tests, which may be chance"

@@ -13,14 +13,16 @@ from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
-from mofit.diagnosis.integration import MOST_STEPS
 from mofit.diagnosis.refit import is_reliable
 from mofit.diagnosis.term_selection import MOST_TERMS, Columns, Selection, fewest, prediction_errors, selections
-from mofit.diagnosis.terms import TermEffect, block, hysteresis_terms, memory_terms, proposed, static_terms
+from mofit.diagnosis.terms import Term, TermEffect, block, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.errors import InputError
 
-#: Most sets of terms that are fitted jointly in a round, and most of them on one quantity.
-_MOST_FITS, _MOST_OF_TARGET = 6, 4
+#: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
+#: best, as a strong term bends its own direction; and most of all.
+_PREDICTING, _FITTING, _MOST_FITS = 2, 1, 8
+#: Share of the least squares to remove up to which fits are equal: a thousandth of the gap.
+_EQUAL = 0.05
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,12 @@ class Trial:
         return len(self.effect.terms) if self.effect else 0
 
     @property
+    def placed(self) -> list[tuple[Term, float]]:
+        """Its terms with their estimates."""
+        placed = estimated(self.effect, self.fitted).terms if self.effect else ()
+        return [(one.term, one.value) for one in placed]
+
+    @property
     def parts(self) -> int:
         """Number of its effects and terms."""
         return self.terms + sum(one is not self.effect for one in self.fitted.hypothesis.effects)
@@ -50,34 +58,50 @@ class Trial:
 def searched(start: Fitted, least: float) -> Trial:
     """Terms added while they predict better what they were not fitted to, each round around the last joint fit.
 
-    A term must remove at least ``least`` squares.
+    A term must remove at least ``least`` squares; what a later one makes superfluous goes again.
     """
     best = Trial(start, None, prediction_errors(start))
     signals = inner_signals(start)
     targets, variables = signals.targets(), signals.variables()
     while best.terms < MOST_TERMS:
         columns = [_columns(best, target, variables) for target in targets]
-        most = MOST_TERMS - best.terms
+        promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
+        promising.sort(key=lambda one: targets.index(one.target))  # of equals the first counts
+        present = best.placed
         tried = [
-            trial
-            for one in _promising([selections(best.fitted, own, least, most) for own in columns])
-            if (trial := _fitted(start, best, one)) is not None
+            _fitted(start, best.fitted, one.target, [*present, *zip(one.terms, one.sizes, strict=True)], one.shift)
+            for one in promising
         ]
-        if not tried:
-            break
-        chosen = simplest([best, *tried], least)
+        chosen = simplest([best, *(one for one in tried if one is not None)], least)
         if chosen is best or chosen.effect is None:
             break
         best, targets = chosen, [chosen.effect.target]
+    return _pruned(start, best, least)
+
+
+def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
+    """Without the terms that it does not need."""
+    while best.effect is not None and best.terms > 1:
+        every, none = best.placed, np.zeros(int(best.fitted.free.sum()))
+        fewer = [
+            _fitted(start, best.fitted, best.effect.target, every[:k] + every[k + 1 :], none) for k in range(len(every))
+        ]
+        chosen = simplest([best, *(one for one in fewer if one is not None)], least)
+        if chosen is best:
+            break
+        best = chosen
     return best
 
 
 def simplest(trials: Sequence[Trial], least: float) -> Trial:
-    """The one with the fewest parts that predicts about as well as the best."""
-    by_parts: dict[int, Trial] = {}
-    for one in sorted(trials, key=lambda one: one.error):
-        by_parts.setdefault(one.parts, one)
-    ranked = [by_parts[number] for number in sorted(by_parts)]
+    """The one with the fewest parts that predicts about as well as the best; of equals the first."""
+    by_parts: dict[int, list[Trial]] = {}
+    for one in trials:
+        by_parts.setdefault(one.parts, []).append(one)
+    ranked = []
+    for _, own in sorted(by_parts.items()):
+        limit = min(one.error for one in own) + _EQUAL * least
+        ranked.append(next(one for one in own if one.error <= limit))
     return ranked[fewest(np.array([one.errors for one in ranked]), least)]
 
 
@@ -99,34 +123,36 @@ def _columns(best: Trial, target: Target, variables: Sequence[Variable]) -> Colu
 
 def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
     """The best sets of all quantities, not too many of one."""
-    few = [one for own in found for one in own[:_MOST_OF_TARGET]]
+    few: list[Selection] = []
+    for own in found:
+        predicting = list(own[:_PREDICTING])
+        fitting = sorted((one for one in own if one not in predicting), key=lambda one: one.left)
+        few += predicting + fitting[:_FITTING]
     return sorted(few, key=lambda one: one.error)[:_MOST_FITS]
 
 
-def _fitted(start: Fitted, best: Trial, added: Selection) -> Trial | None:
-    """The terms so far and those added, fitted jointly with all parameters; None where that fails."""
-    old = best.fitted.hypothesis
-    present = estimated(best.effect, best.fitted).terms if best.effect else ()
-    terms, sizes = [one.term for one in present], [one.value for one in present]
-    taken = {*start.hypothesis.layout.names, *(one.name for one in start.hypothesis.effects)}
-    effect = proposed(added.target, [*terms, *added.terms], [*sizes, *added.sizes], taken)
-    model = hypothesis(
-        old.observed, (*start.hypothesis.discrepancies, _discrepancy(effect, len(old.observed.problem.space)))
-    )
-    count = len(start.minimum.point)
-    shift = np.zeros(len(best.fitted.free))
-    shift[best.fitted.free] = added.shift
+def _fitted(
+    start: Fitted, near: Fitted, target: Target, terms: Sequence[tuple[Term, float]], shift: FloatArray
+) -> Trial | None:
+    """Terms with their coefficients, fitted jointly with all parameters; None where that fails.
+
+    From the parameters of a fit ``near``, without and with a ``shift`` of its free ones.
+    """
+    old, count = start.hypothesis, len(start.minimum.point)
+    taken = {*old.layout.names, *(one.name for one in old.effects)}
+    effect = proposed(target, [term for term, _ in terms], [size for _, size in terms], taken)
+    own = _discrepancy(effect, len(old.observed.problem.space))
+    model = hypothesis(old.observed, (*old.discrepancies, own))
+    moved = near.minimum.point.copy()
+    moved[near.free] += shift
     fresh = model.space.subset([p.name for p in effect.parameters])
-    own = fresh.to_unit([p.nominal for p in effect.parameters])
-    here = best.fitted.minimum.point[:count]
-    starts = np.array([np.concatenate([np.clip(here + part, 0, 1), own]) for part in (shift[:count], 0 * here)])
+    values = fresh.to_unit([p.nominal for p in effect.parameters])
+    starts = [np.concatenate([np.clip(one[:count], 0.0, 1.0), values]) for one in (moved, near.minimum.point)]
     try:
-        found = fit(model.at_steps_for(starts[:1]), starts)
+        found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
     except InputError:
         return None
-    if found.hypothesis.steps > MOST_STEPS or not is_reliable(found):
-        return None
-    return Trial(found, effect, prediction_errors(found))
+    return Trial(found, effect, prediction_errors(found)) if is_reliable(found) else None
 
 
 def _discrepancy(effect: TermEffect, free: int) -> Discrepancy:

@@ -34,11 +34,12 @@ class Columns:
     rows: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Selection:
     """Terms for a quantity with their coefficients, and by how much they shift the model's free parameters.
 
-    ``error`` are the squares that a selection on other folds leaves of a fold, over all of them.
+    ``error`` are the squares that a selection on other folds leaves of a fold, over all of them; ``left`` those that a
+    fit to all leaves.
     """
 
     target: Target
@@ -46,6 +47,7 @@ class Selection:
     sizes: FloatArray
     shift: FloatArray
     error: float
+    left: float
 
 
 def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
@@ -73,6 +75,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
             np.array([step.solution[free + k] / size[k] for k in step.chosen]),
             step.solution[:free],
             error,
+            step.error,
         )
 
     found = [selection(every[number], float(errors[number].sum()))] if number else []
@@ -80,8 +83,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
     forms: dict[str, int] = {}
     for k in np.argsort(singles, kind="stable"):
         forms.setdefault(columns.terms[usable[k]].title, int(k))
-    alone = [(k, _added(every[0], k, free)) for k in forms.values()]
-    found += [selection(step, float(singles[k])) for k, step in alone]
+    found += [selection(_added(every[0], k, total, total), float(singles[k])) for k in forms.values()]
     return sorted(found, key=lambda one: one.error)
 
 
@@ -138,18 +140,15 @@ def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_St
         gain = np.where(fresh, last.left[:-1, -1] ** 2 / np.where(fresh, power, 1.0), 0.0)
         if not np.any(gain > 0):
             break
-        steps.append(_added(last, int(np.argmax(gain)), free, train, held))
+        steps.append(_added(last, int(np.argmax(gain)), train, held))
     return [*steps, *[steps[-1]] * (most + 1 - len(steps))]
 
 
-def _added(step: _Step, k: int, free: int, train: FloatArray | None = None, held: FloatArray | None = None) -> _Step:
+def _added(step: _Step, k: int, train: FloatArray, held: FloatArray) -> _Step:
     """The step after one more column: all others beside it."""
     share = step.left[k] / step.left[k, k]
     share[k] = 0.0
-    turned = step.turned - np.outer(step.turned[:, k], share)
-    if train is None or held is None:
-        return _Step((*step.chosen, k), -turned[:-1, -1], np.nan, step.singles, turned, step.left)
-    return _step((*step.chosen, k), turned, train, held)
+    return _step((*step.chosen, k), step.turned - np.outer(step.turned[:, k], share), train, held)
 
 
 def _step(chosen: tuple[int, ...], turned: FloatArray, train: FloatArray, held: FloatArray) -> _Step:

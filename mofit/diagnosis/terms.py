@@ -7,8 +7,9 @@ coefficient is what its term adds there at most or so, in the unit of the quanti
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import casadi as ca
@@ -98,52 +99,52 @@ _TIMES = 7
 
 def static_terms(variables: Sequence[Variable]) -> list[Term]:
     """Functions of one signal, and products of two."""
-    found = []
-    for x in variables:
-        found.append(Term(Form("{x}", "{x}"), x))
-        exponent = Shape("exponent", "1", 0.05, 8.0, "its exponent", "log")
-        odd = Form("{x} times a power of its magnitude", f"{{x}} * {_ROUND} ** (({{p}} - 1) / 2)", shape=exponent)
-        found += [Term(odd, x, point=power) for power in _ODD]
+    return [
+        *(term for x in variables for term in _of_one(x)),
+        *(term for x in variables for y in variables if x is not y for term in _of_two(x, y)),
+        *(Term(Form("{x} times {y}", "{x} * {y}"), x, y) for x, y in combinations(variables, 2)),
+    ]
+
+
+def _of_one(x: Variable) -> Iterator[Term]:
+    yield Term(Form("{x}", "{x}"), x)
+    exponent = Shape("exponent", "1", 0.05, 8.0, "its exponent", "log")
+    odd = Form("{x} times a power of its magnitude", f"{{x}} * {_ROUND} ** (({{p}} - 1) / 2)", shape=exponent)
+    yield from (Term(odd, x, point=power) for power in _ODD)
+    if x.signed:  # otherwise these are no others
         even = Form("a power of the magnitude of {x}", f"{_ROUND} ** ({{p}} / 2)", shape=exponent)
-        found += [Term(even, x, point=power) for power in _EVEN]
+        yield from (Term(even, x, point=power) for power in _EVEN)
         width = Shape("width", "1", 1e-3, 1.0, "half the width over which it changes its sign, relative", "log")
-        found += [Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS]
-        span = x.high - x.low
-        for title, text in (
-            ("{x} above a threshold", "ca.fmax({x} - {p}, 0)"),
-            ("{x} below a threshold", "ca.fmax({p} - {x}, 0)"),
-        ):
-            threshold = Shape("threshold", "1", x.low, x.high, "where it begins, relative")
-            found += [Term(Form(title, text, shape=threshold), x, point=x.low + share * span) for share in _THRESHOLDS]
-    for x in variables:
-        for y in variables:
-            if x is y:
-                continue
-            if variables.index(x) < variables.index(y):
-                found.append(Term(Form("{x} times {y}", "{x} * {y}"), x, y))
-            found.append(Term(Form("the magnitude of {x} times {y}", "ca.fabs({x}) * {y}"), x, y))
-            found.append(Term(Form("the square of {x} times {y}", "{x} ** 2 * {y}"), x, y))
-    return found
+        yield from (Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS)
+    threshold = Shape("threshold", "1", x.low, x.high, "where it begins, relative")
+    for side, text in (("above", "ca.fmax({x} - {p}, 0)"), ("below", "ca.fmax({p} - {x}, 0)")):
+        form = Form(f"{{x}} {side} a threshold", text, shape=threshold)
+        yield from (Term(form, x, point=x.low + share * (x.high - x.low)) for share in _THRESHOLDS)
+
+
+def _of_two(x: Variable, y: Variable) -> Iterator[Term]:
+    if x.signed:
+        yield Term(Form("the magnitude of {x} times {y}", "ca.fabs({x}) * {y}"), x, y)
+    yield Term(Form("the square of {x} times {y}", "{x} ** 2 * {y}"), x, y)
 
 
 def memory_terms(variables: Sequence[Variable], shortest: float, longest: float) -> list[list[Term]]:
     """Signals and their magnitudes and squares behind a lag, also times a signal; one list per time constant in s."""
+    points = np.geomspace(shortest, longest, _TIMES)
+    return [[term for x in variables for term in _lagged(x, variables, float(point))] for point in points]
+
+
+def _lagged(x: Variable, variables: Sequence[Variable], point: float) -> Iterator[Term]:
     drives = {"{x}": "{x}", "the magnitude of {x}": "ca.fabs({x})", "the square of {x}": "{x} ** 2"}
-    time = Shape("time", "s", shortest / 4, 10 * longest, "time constant of the memory", "log")
-    found = []
-    for point in np.geomspace(shortest, longest, _TIMES):
-        own = []
-        for x in variables:
-            for title, drive in drives.items():
-                lag, state = f"{title} behind a lag", f"({drive} - {{z}}) / {{p}}"
-                own.append(Term(Form(lag, "{z}", state, drive, time), x, point=float(point)))
-                if title != "{x}":
-                    own += [
-                        Term(Form(f"({lag}) times {{y}}", "{z} * {y}", state, drive, time), x, y, float(point))
-                        for y in variables
-                    ]
-        found.append(own)
-    return found
+    time = Shape("time", "s", point / 1e3, point * 1e3, "time constant of the memory", "log")
+    for title, drive in drives.items():
+        if title == "the magnitude of {x}" and not x.signed:
+            continue
+        lag, state = f"{title} behind a lag", f"({drive} - {{z}}) / {{p}}"
+        yield Term(Form(lag, "{z}", state, drive, time), x, point=point)
+        if title != "{x}":
+            product = Form(f"({lag}) times {{y}}", "{z} * {y}", state, drive, time)
+            yield from (Term(product, x, y, point) for y in variables)
 
 
 def hysteresis_terms(variables: Sequence[Variable]) -> list[list[Term]]:
