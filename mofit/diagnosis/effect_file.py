@@ -39,7 +39,7 @@ from mofit.parameters import Parameter
 
 
 class Proposed(Effect):
-    """{_plain(effect.title[0].upper() + effect.title[1:])}, on {effect.target.name}."""
+    """What is added to {effect.target.name}."""
 
     name = "{effect.name}"
     title = "{effect.title}"

@@ -96,16 +96,14 @@ class Proposal:
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         """Every parameter of the terms with its interval."""
-        space, values = self.fitted.hypothesis.space, self.fitted.values
-        sds = dict(zip(space.names, self.fitted.sd() * self.fitted.derivative, strict=True))
+        space, point, reach = self.fitted.hypothesis.space, self.fitted.minimum.point, _Z90 * self.fitted.sd()
+        low, value, high = (space.from_unit(np.clip(point + k * reach, 0.0, 1.0)) for k in (-1, 0, 1))
         units = {TARGET_UNIT: self.target.unit}
         return tuple(
             Estimate(
                 one.name,
                 one.description,
-                values[one.name],
-                values[one.name] - _Z90 * float(sds[one.name]),
-                values[one.name] + _Z90 * float(sds[one.name]),
+                *(float(end[space.index(one.name)]) for end in (value, low, high)),
                 units.get(one.unit, one.unit),
             )
             for one in self.effect.parameters
@@ -132,8 +130,11 @@ def propose(
         baseline.hypothesis.observed, rules.resolution * residual_map(baseline).relative, everywhere=True
     )
     starts = [_again(one, noisy) for one in (baseline, main) if one is not None]
-    nothing, noise, trials = prediction_errors(starts[0]), noise_squares(noisy), list[Trial]()
+    nothing, trials = prediction_errors(starts[0]), list[Trial]()
+    noise = np.minimum(noise_squares(noisy), nothing)  # of a short record it may be overestimated
     least = rules.residual_share * float((nothing - noise).sum())
+    if not least > 0:
+        return "it is not larger than the noise of the records"
     for start in starts:
         progress("proposed term", len(trials), len(starts), " + ".join(one.name for one in start.hypothesis.effects))
         trials.append(searched(start, least))
@@ -200,8 +201,9 @@ def _of_parts(baseline: Fitted, best: Trial, proposal: Callable[..., Proposal]) 
     observed = baseline.hypothesis.observed
     if any(w.periods for _, _, w in observed.records):
         return "there is only one test, and it repeats: nothing can be left out"
-    noise = noise_squares(observed)
-    before, after = prediction_errors(baseline) - noise, best.errors - noise
+    before, after = prediction_errors(baseline), best.errors
+    noise = np.minimum(noise_squares(observed), before)
+    before, after = before - noise, after - noise
     if np.any(after > before + noise):
         return "the best term makes a part of the record worse where left out"
     removed = float(1 - after.sum() / before.sum())

@@ -152,7 +152,12 @@ def _fitted(
         found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
     except InputError:
         return None
-    return Trial(found, effect, prediction_errors(found)) if is_reliable(found) else None
+    # a shape at the end of its range is another form
+    shapes = [found.hypothesis.space.index(one.shape) for one in effect.terms if one.shape]
+    if np.any(found.minimum.at_bound[shapes]) or not is_reliable(found):
+        return None
+    trial = Trial(found, effect, prediction_errors(found))
+    return trial if np.isfinite(trial.error) else None
 
 
 def _discrepancy(effect: TermEffect, free: int) -> Discrepancy:

@@ -116,10 +116,12 @@ def _of_one(x: Variable) -> Iterator[Term]:
         yield from (Term(even, x, point=power) for power in _EVEN)
         width = Shape("width", "1", 1e-3, 1.0, "half the width over which it changes its sign, relative", "log")
         yield from (Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS)
-    threshold = Shape("threshold", "1", x.low, x.high, "where it begins, relative")
+    span = x.high - x.low
+    # with the term the signal may go farther
+    threshold = Shape("threshold", "1", x.low - span, x.high + span, "where it begins, relative")
     for side, text in (("above", "ca.fmax({x} - {p}, 0)"), ("below", "ca.fmax({p} - {x}, 0)")):
         form = Form(f"{{x}} {side} a threshold", text, shape=threshold)
-        yield from (Term(form, x, point=x.low + share * (x.high - x.low)) for share in _THRESHOLDS)
+        yield from (Term(form, x, point=x.low + share * span) for share in _THRESHOLDS)
 
 
 def _of_two(x: Variable, y: Variable) -> Iterator[Term]:

@@ -192,3 +192,15 @@ def test_page_and_json_say_why_nothing_is_proposed() -> None:
     reason = "predicts it in data that were left out"
     assert summary(found)["proposed_reason"].endswith(reason)
     assert reason in diagnosis_page(found)._repr_html_()
+
+
+def test_a_term_with_memory_has_a_loop_per_test() -> None:
+    found = of_damper("memory of speed")
+    drawn = term_curves(found)
+    assert drawn["variable"] == "velocity"
+    tests = found.fitted.hypothesis.observed.problem.tests
+    assert [one["test"] for one in drawn["curves"]] == list(tests)
+    one = drawn["curves"][0]
+    t = np.arange(round(4 / 0.5 * strangers.RATE)) / strangers.RATE
+    law = strangers.DAMPERS["memory of speed"](0 * t, 0.02 * np.pi * np.cos(np.pi * t), t)[len(t) // 2 :]
+    np.testing.assert_allclose(np.ptp(one["y"]), np.ptp(law), rtol=0.05)
