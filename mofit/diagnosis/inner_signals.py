@@ -83,7 +83,7 @@ class InnerModel(Model):
         rates = {rate_of(name): value for name, value in own.derivatives.items()}
         known = {**own.outputs, **s.quantities, **rates}
         # without the effects their states are not there
-        known |= {name: getattr(s, name) if name in s else 0 for name in self.signals if name not in known}
+        known |= {name: getattr(s, name) if name in s else ca.SX(0) for name in self.signals if name not in known}
         inner = {name: known[name] for name in self.signals}
         return Equations(
             {**own.outputs, **{f"inner signal {name}": ca.SX(value) for name, value in inner.items()}},

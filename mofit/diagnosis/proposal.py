@@ -99,15 +99,11 @@ class Proposal:
         space, point, reach = self.fitted.hypothesis.space, self.fitted.minimum.point, _Z90 * self.fitted.sd()
         low, value, high = (space.from_unit(np.clip(point + k * reach, 0.0, 1.0)) for k in (-1, 0, 1))
         units = {TARGET_UNIT: self.target.unit}
-        return tuple(
-            Estimate(
-                one.name,
-                one.description,
-                *(float(end[space.index(one.name)]) for end in (value, low, high)),
-                units.get(one.unit, one.unit),
-            )
-            for one in self.effect.parameters
-        )
+        found = []
+        for one in self.effect.parameters:
+            k, unit = space.index(one.name), units.get(one.unit, one.unit)
+            found.append(Estimate(one.name, one.description, float(value[k]), float(low[k]), float(high[k]), unit))
+        return tuple(found)
 
 
 def _law(effect: TermEffect) -> str:

@@ -20,9 +20,9 @@ from mofit.errors import InputError
 
 #: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
 #: best, as a strong term bends its own direction; and most of all.
-_PREDICTING, _FITTING, _MOST_FITS = 2, 1, 8
-#: Share of the least squares to remove up to which fits are equal: a thousandth of the gap.
-_EQUAL = 0.05
+_PREDICTING, _FITTING, _MOST_FITS = 3, 1, 8
+#: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
+_EQUAL = 0.25
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,8 @@ def searched(start: Fitted, least: float) -> Trial:
     while best.terms < MOST_TERMS:
         columns = [_columns(best, target, variables) for target in targets]
         promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
-        promising.sort(key=lambda one: targets.index(one.target))  # of equals the first counts
+        # of equals the first counts: the first quantity, and the shortest text
+        promising.sort(key=lambda one: (targets.index(one.target), sum(term.form.length for term in one.terms)))
         present = best.placed
         tried = [
             _fitted(start, best.fitted, one.target, [*present, *zip(one.terms, one.sizes, strict=True)], one.shift)

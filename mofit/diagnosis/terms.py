@@ -56,6 +56,11 @@ class Form:
     starts: str = "0"
     shape: Shape | None = None
 
+    @property
+    def length(self) -> int:
+        """Of its text: how complicated it is."""
+        return len(self.text) + len(self.drives)
+
 
 @dataclass(frozen=True)
 class Term:
