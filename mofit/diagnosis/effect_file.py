@@ -11,6 +11,8 @@ from mofit.parameters import Parameter
 
 EFFECT_FILE = "proposed_effect.py"
 _WIDTH = 116
+#: Ranges in the file reach to so many times the estimate, or over such a part of those that were tried.
+_NEAR = 10.0
 
 
 def effect_file(proposal: Proposal, campaign: str, model: str) -> str:
@@ -60,10 +62,21 @@ def _plain(text: str) -> str:
 def _parameter(one: Parameter) -> str:
     """A parameter in Python."""
     unit = "TARGET_UNIT" if one.unit == TARGET_UNIT else f'"{one.unit}"'
-    numbers = f"{one.lower:.6g}, {one.upper:.6g}, {one.nominal:.6g}"
+    numbers = ", ".join(f"{value:.6g}" for value in (*_range(one), one.nominal))
     rest = f'description="{one.description}"' + (", neutral=0.0" if one.neutral is not None else "")
     scale = ', "log"' if one.scale == "log" else ""
     return f'Parameter(\n    "{one.name}", {unit}, {numbers}{scale},\n    {rest},\n),\n'
+
+
+def _range(one: Parameter) -> tuple[float, float]:
+    """A range around the estimate, which an identification finds quickly; it widens it where that is needed."""
+    if one.scale == "log":
+        return max(one.lower, one.nominal / _NEAR), min(one.upper, one.nominal * _NEAR)
+    if one.neutral is not None:
+        reach = min(_NEAR * abs(one.nominal), one.upper)
+        return -reach, reach
+    reach = (one.upper - one.lower) / _NEAR
+    return max(one.lower, one.nominal - reach), min(one.upper, one.nominal + reach)
 
 
 def _states(effect: TermEffect) -> str:

@@ -178,7 +178,7 @@ def test_command_writes_an_effect_that_it_takes(tmp_path: Path, capsys) -> None:
     again = [*common, "--effects", "delay", "--effects", str(effect), "--json", "--out", str(tmp_path / "again")]
     assert main(["diagnose", *again]) == 0
     assert [one["name"] for one in json.loads(capsys.readouterr().out)["effects"]] == ["proposed"]
-    identified = [*common, "--no-sample", "--effect", str(effect), "--evaluations", "500", "--json"]
+    identified = [*common, "--no-sample", "--effect", str(effect), "--evaluations", "1000", "--json"]
     main(["identify", *identified, "--out", str(tmp_path / "run")])
     modes = json.loads(capsys.readouterr().out)["modes"]
     assert max(modes[0]["nrmsd"].values()) < 0.01
