@@ -128,6 +128,7 @@ def propose(
     starts = [_again(one, noisy) for one in (baseline, main) if one is not None]
     nothing, trials = prediction_errors(starts[0]), list[Trial]()
     noise = np.minimum(noise_squares(noisy), nothing)  # of a short record it may be overestimated
+    tests = len(noisy.problem.tests)
     least = rules.residual_share * float((nothing - noise).sum())
     if not least > 0:
         return "it is not larger than the noise of the records"
@@ -142,8 +143,9 @@ def propose(
         share = f"{100 * max(removed, 0.0):.0f} %"
         return f"the best one ({_law(best.effect)}) would remove {share} of it in data that were left out"
     shown = nothing > 2 * noise
-    if np.sum(best.errors[shown] < 0.5 * nothing[shown]) < min(_FEWEST_FOLDS, len(nothing)):
-        return "what the best term removes lies in one or two tests, which may be chance"
+    halved, what = int(np.sum(best.errors[shown] < 0.5 * nothing[shown])), "tests" if tests > 1 else "parts"
+    if halved < min(_FEWEST_FOLDS, len(nothing)):
+        return f"the best one ({_law(best.effect)}) halves it in {halved} of {len(nothing)} {what}: it may be chance"
     return _validated(starts, best, rules, seed)
 
 

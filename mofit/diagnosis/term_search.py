@@ -123,10 +123,12 @@ def _columns(best: Trial, target: Target, variables: Sequence[Variable]) -> Colu
 
 
 def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
-    """The best sets of all quantities, not too many of one."""
+    """The best sets of all quantities, not too many of one, the best without memory among them."""
     few: list[Selection] = []
     for own in found:
         predicting = list(own[:_PREDICTING])
+        static = next((one for one in own if not any(term.form.drives for term in one.terms)), None)
+        predicting += [static] if static is not None and static not in predicting else []
         fitting = sorted((one for one in own if one not in predicting), key=lambda one: one.left)
         few += predicting + fitting[:_FITTING]
     return sorted(few, key=lambda one: one.error)[:_MOST_FITS]

@@ -138,12 +138,13 @@ def _of_two(x: Variable, y: Variable) -> Iterator[Term]:
 def memory_terms(variables: Sequence[Variable], shortest: float, longest: float) -> list[list[Term]]:
     """Signals and their magnitudes and squares behind a lag, also times a signal; one list per time constant in s."""
     points = np.geomspace(shortest, longest, _TIMES)
-    return [[term for x in variables for term in _lagged(x, variables, float(point))] for point in points]
+    # a lag below a sampling interval is none
+    time = Shape("time", "s", shortest / 2, 20 * longest, "time constant of the memory", "log")
+    return [[term for x in variables for term in _lagged(x, variables, time, float(point))] for point in points]
 
 
-def _lagged(x: Variable, variables: Sequence[Variable], point: float) -> Iterator[Term]:
+def _lagged(x: Variable, variables: Sequence[Variable], time: Shape, point: float) -> Iterator[Term]:
     drives = {"{x}": "{x}", "the magnitude of {x}": "ca.fabs({x})", "the square of {x}": "{x} ** 2"}
-    time = Shape("time", "s", point / 1e3, point * 1e3, "time constant of the memory", "log")
     for title, drive in drives.items():
         if title == "the magnitude of {x}" and not x.signed:
             continue
