@@ -13,16 +13,19 @@ RATE = 100.0
 STIFFNESS, DAMPING = 2000.0, 1500.0
 #: amplitude (m), frequency (Hz), periods of the damper's sines
 STROKES = ((0.02, 0.5, 4), (0.015, 1.0, 6), (0.02, 1.0, 6), (0.01, 2.0, 8), (0.02, 2.0, 8), (0.005, 4.0, 12))
+#: further sines, which no fit sees
+FRESH = ((0.018, 0.7, 4), (0.012, 1.5, 8), (0.016, 1.7, 8), (0.007, 3.0, 10))
 #: amplitude (N), frequency (Hz), periods of the oscillator's sines; it has 1 kg, 400 N/m (3.2 Hz) and 4 N s/m
 PUSHES = ((4.0, 1.0, 8), (8.0, 1.0, 8), (4.0, 2.0, 16), (8.0, 2.0, 16), (4.0, 3.2, 24), (8.0, 3.2, 24), (8.0, 5.0, 32))
 
+Strokes = tuple[tuple[float, float, int], ...]
 Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
-def damper(law: Law, noise: float = 2.0, seed: int = 1, unit: float = 1.0) -> Campaign:
+def damper(law: Law, noise: float = 2.0, seed: int = 1, unit: float = 1.0, strokes: Strokes = STROKES) -> Campaign:
     """Spring and damper, and a force that is a ``law`` of displacement, velocity and time; all in N times ``unit``."""
     rng, measured = np.random.default_rng(seed), []
-    for amplitude, frequency, periods in STROKES:
+    for amplitude, frequency, periods in strokes:
         t = np.arange(round(periods / frequency * RATE)) / RATE
         omega = 2 * np.pi * frequency
         x, v = amplitude * np.sin(omega * t), amplitude * omega * np.cos(omega * t)
@@ -87,6 +90,17 @@ DAMPERS: dict[str, Law] = {
     "thixotropic damping": lambda x, v, t: -600 * v * memory(lambda x, v: np.abs(v) / 0.1, 0.3)(x, v, t),
     "damping grows with stroke": lambda x, v, t: 3e6 * x**2 * v,
     "fifth power": lambda x, v, t: 3e10 * x**5,
+}
+#: laws that are none of the forms which are tried
+OTHER_DAMPERS: dict[str, Law] = {
+    "sinh spring": lambda x, v, t: 50 * np.sinh(x / 0.005),
+    "air spring": lambda x, v, t: 400 * ((1 - x / 0.03) ** -1.4 - 1),
+    "orifices": lambda x, v, t: np.where(v > 0, 3000 * v**2, -800 * v**2),
+    "stops on both sides": lambda x, v, t: 4e4 * np.sign(x) * np.maximum(np.abs(x) - 0.013, 0),
+    "damping grows exponentially": lambda x, v, t: 80 * v * np.exp(x / 0.01),
+    "Stribeck friction": lambda x, v, t: (20 + 40 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 1e-3),
+    "oil that warms up": lambda x, v, t: -400 * v * memory(lambda x, v: (v / 0.1) ** 2, 1.5)(x, v, t),
+    "relaxing spring": memory(lambda x, v: 3e3 * x + 4e5 * x * np.abs(x), 0.2),
 }
 OSCILLATORS: dict[str, Callable[[float, float], float]] = {
     "van der Pol": lambda x, v: 2e4 * x**2 * v,
