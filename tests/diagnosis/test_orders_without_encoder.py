@@ -66,7 +66,7 @@ def test_the_amplitude_holds_on_held_out_tests_and_the_angle_is_their_own() -> N
     assert found.shrinkage is not None
     assert found.shrinkage.predicted == pytest.approx(1.0, abs=0.05)
     assert found.shrinkage.of("test").share > 0.85
-    assert found.shrinkage.low < found.shrinkage.observed
+    assert found.shrinkage.of("test").low < found.shrinkage.of("test").observed
     assert any("theta_w" in warning and "held-out test itself" in warning for warning in summary(found)["warnings"])
 
 

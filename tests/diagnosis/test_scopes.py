@@ -50,7 +50,7 @@ def test_friction_beside_offsets_is_friction() -> None:
     assert found.shrinkage is not None
     assert found.shrinkage.of("test").share > 0.99
     assert found.shrinkage.predicted > 0.98
-    assert found.shrinkage.observed > 0.98
+    assert found.shrinkage.of("test").observed > 0.98
 
 
 def test_friction_and_offsets_without_a_scope_are_told_apart() -> None:
