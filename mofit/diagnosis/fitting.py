@@ -16,9 +16,10 @@ from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.errors import InputError
 from mofit.identification.calibration import calibrated_values
-from mofit.identification.problem_setup import set_up_problem
+from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
 from mofit.identification.stages import search
+from mofit.identification.steady_start import leads_said, led_setup
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
@@ -30,6 +31,8 @@ from mofit.simulation.scoped_simulator import ScopedSimulator
 _STARTS, _MINIMA = 7, 8
 #: Rounds in which the baseline and the noise of records that do not repeat are estimated in turn.
 _NOISE_ROUNDS = 2
+#: Share of its noise that a residual holds at least where that is noise: it is known far better than to a factor of 2.
+_FALSE = 0.5
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
 _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
@@ -157,7 +160,11 @@ def set_up(
 
     Parameters with a calibration start at its values.
     """
-    setup = set_up_problem(model, campaign, settings, tests, space=space)
+    return _started(set_up_problem(model, campaign, settings, tests, space=space), simulators)
+
+
+def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[WhitenedData, FloatArray]:
+    settings = setup.settings
     problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
     observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs))
@@ -189,23 +196,48 @@ def baseline_in_wide_ranges(
     tests: Sequence[str] = (),
     simulators: SimulatorCache | None = None,
 ) -> tuple[Fitted, tuple[str, ...]]:
-    """The model without effects, fitted in ranges wide enough for it; and what was widened, in sentences."""
+    """The model without effects, fitted in ranges wide enough for it; and what was widened or led in, in sentences."""
     cache = simulators or SimulatorCache(settings.jobs)
-    observed, starts = set_up(model, campaign, settings, tests, cache)
-    found = fit_baseline(observed, starts, settings.seed)
-    first = space = observed.problem.space
+    setup = set_up_problem(model, campaign, settings, tests)
+    observed, starts = _started(setup, cache)
+    found, notes = fit_baseline(observed, starts, settings.seed), list[str]()
+    point = found.minimum.point[: len(observed.problem.space)]
+    led = led_setup(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point))
+    if led is not None:
+        notes += leads_said(setup, led)
+        setup = led
+        found = fit_baseline(*_started(led, cache), settings.seed)
+    first = space = found.hypothesis.observed.problem.space
     for _ in range(MOST):
         sides, values = found.minimum.at_bound[: len(space)], space.from_unit(found.minimum.point[: len(space)])
         farther = space.farther(sides)
         if farther == space:
             break
-        observed, _ = set_up(model, campaign, settings, tests, cache, farther)
-        again = fit_baseline(observed, beyond_ends(space, farther, values, sides), settings.seed)
+        wider = set_up_problem(model, campaign, settings, tests, space=farther, leads=setup.leads)
+        again = fit_baseline(_started(wider, cache)[0], beyond_ends(space, farther, values, sides), settings.seed)
         if found.minimum.value - again.minimum.value <= WORTH:
             break
         found, space = again, farther
-    found = with_own_noise(found, settings.seed)
-    return found, tuple(map(str, widenings(first, space)))
+    found = with_own_noise(_without_false_noise(found, settings.seed), settings.seed)
+    return found, (*notes, *map(str, widenings(first, space)))
+
+
+def _without_false_noise(found: Fitted, seed: int) -> Fitted:
+    """The baseline with records that ring up, say, taken as ones that do not repeat.
+
+    What changes there from period to period is no noise: the model follows it.
+    """
+    observed = found.hypothesis.observed
+    squares = found.residual[: len(observed.measured)] ** 2
+    signals, false = list(observed.problem.signals), False
+    for i, (test, _, w) in enumerate(observed.records):
+        if w.periods and squares[observed.record == i].mean() < _FALSE:
+            signals[test], false = replace(signals[test], period=None, periods=0), True
+    if not false:
+        return found
+    problem = replace(observed.problem, signals=tuple(signals))
+    again = whiten(problem, observed.calibrations, observed.simulators)
+    return fit_baseline(again, found.minimum.point[: len(problem.space)], seed)
 
 
 def with_scoped(model: Hypothesis, starts: FloatArray) -> FloatArray:

@@ -202,7 +202,9 @@ class InnerSignals:
         for own, used, experiment, point in zip(self.signals, self.used, experiments, points, strict=True):
             for i in range(used.start, used.stop, every):
                 state = [own[name][i] for name in system.states]
-                found.append(np.array(slope(state, experiment.inputs[i], point, experiment.conditions)))
+                found.append(
+                    np.array(slope(state, experiment.inputs[experiment.lead + i], point, experiment.conditions))
+                )
         stacked = np.stack(found)
         # rates and outputs have units of their own
         size = np.sqrt(np.mean(stacked**2, axis=(0, 2), keepdims=True))
