@@ -116,7 +116,7 @@ def diagnose(
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=_nrmsd(found.baseline),
         nrmsd_after=_nrmsd(found.best.fitted),
-        noise_floor=dict(zip(observed.problem.objective_names, map(float, observed.problem.noise.floor), strict=True)),
+        noise_floor=dict(zip(observed.problem.objective_names, observed.noise_floors, strict=True)),
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
         warnings=(*notes, *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),

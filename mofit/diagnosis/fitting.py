@@ -19,7 +19,7 @@ from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
 from mofit.identification.stages import search
-from mofit.identification.steady_start import leads_said, led_setup
+from mofit.identification.steady_start import leads_said, led_in
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings, merge, refine
@@ -31,7 +31,7 @@ from mofit.simulation.scoped_simulator import ScopedSimulator
 _STARTS, _MINIMA = 7, 8
 #: Rounds in which the baseline and the noise of records that do not repeat are estimated in turn.
 _NOISE_ROUNDS = 2
-#: Share of its noise that a residual holds at least where that is noise: it is known far better than to a factor of 2.
+#: Least share of the noise's power that a residual holds where that is noise: it is known better than to a factor of 2.
 _FALSE = 0.5
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
@@ -163,12 +163,15 @@ def set_up(
     return _started(set_up_problem(model, campaign, settings, tests, space=space), simulators)
 
 
+def _whitened(setup: ProblemSetup, simulators: SimulatorCache | None) -> WhitenedData:
+    return whiten(setup.posterior.main, setup.calibrations, simulators or SimulatorCache(setup.settings.jobs))
+
+
 def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[WhitenedData, FloatArray]:
-    settings = setup.settings
     problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    observed = whiten(problem, setup.calibrations, simulators or SimulatorCache(settings.jobs))
-    found, _ = search(setup.searched, settings)
+    observed = _whitened(setup, simulators)
+    found, _ = search(setup.searched, setup.settings)
     minima = setup.searched.layout.values(found.archived_points[:_MINIMA], problem.space.names)
     return observed, np.clip(problem.space.to_unit(np.vstack([values, minima])), 0.0, 1.0)
 
@@ -202,11 +205,10 @@ def baseline_in_wide_ranges(
     observed, starts = _started(setup, cache)
     found, notes = fit_baseline(observed, starts, settings.seed), list[str]()
     point = found.minimum.point[: len(observed.problem.space)]
-    led = led_setup(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point))
-    if led is not None:
-        notes += leads_said(setup, led)
-        setup = led
-        found = fit_baseline(*_started(led, cache), settings.seed)
+    if led := led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point)):
+        notes += leads_said(setup, led[0])
+        setup, point = led
+        found = fit_baseline(_whitened(setup, cache), point, settings.seed)
     first = space = found.hypothesis.observed.problem.space
     for _ in range(MOST):
         sides, values = found.minimum.at_bound[: len(space)], space.from_unit(found.minimum.point[: len(space)])
@@ -214,7 +216,7 @@ def baseline_in_wide_ranges(
         if farther == space:
             break
         wider = set_up_problem(model, campaign, settings, tests, space=farther, leads=setup.leads)
-        again = fit_baseline(_started(wider, cache)[0], beyond_ends(space, farther, values, sides), settings.seed)
+        again = fit_baseline(_whitened(wider, cache), beyond_ends(space, farther, values, sides), settings.seed)
         if found.minimum.value - again.minimum.value <= WORTH:
             break
         found, space = again, farther
@@ -228,10 +230,10 @@ def _without_false_noise(found: Fitted, seed: int) -> Fitted:
     What changes there from period to period is no noise: the model follows it.
     """
     observed = found.hypothesis.observed
-    squares = found.residual[: len(observed.measured)] ** 2
     signals, false = list(observed.problem.signals), False
     for i, (test, _, w) in enumerate(observed.records):
-        if w.periods and squares[observed.record == i].mean() < _FALSE:
+        residual = w.signal(found.residual[: len(observed.measured)][observed.record == i])
+        if w.periods and np.mean(residual**2) < _FALSE * w.noise_sd**2:
             signals[test], false = replace(signals[test], period=None, periods=0), True
     if not false:
         return found

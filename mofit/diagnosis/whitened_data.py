@@ -166,6 +166,11 @@ class WhitenedData:
         """`variance` in squared `sizes`, (m,)."""
         return np.asarray(self.variance / self.sizes[self.record] ** 2)
 
+    @property
+    def noise_floors(self) -> list[float]:
+        """Standard deviation of the noise of every record, relative to the range of the output."""
+        return [w.noise_sd / float(size) for (_, _, w), size in zip(self.records, self.ranges, strict=True)]
+
     def used_samples(self, record: int) -> FloatArray:
         """Measured output of a record over the samples used, (n,)."""
         test, output, w = self.records[record]

@@ -71,13 +71,24 @@ class Whitening:
         number = np.arange(self.count // 2 + 1)
         return np.asarray(number % self.periods == 0) if self.periods else np.zeros(len(number), dtype=bool)
 
-    @cached_property
-    def _scale(self) -> FloatArray:
+    @property
+    def noise_sd(self) -> float:
+        """Standard deviation of the noise over the samples used, in the output's unit."""
+        variance = np.average(self.process.spectrum, weights=self._weight) * np.mean(self.process.level**2)
+        return float(np.sqrt(variance))
+
+    @property
+    def _weight(self) -> FloatArray:
+        """How often every line counts among the real ones."""
         weight = np.full(self.count // 2 + 1, 2.0)
         weight[0] = 1.0
         if self.count % 2 == 0:
             weight[-1] = 1.0
-        return np.sqrt(weight / (self.count * (self.process.spectrum if self.periods else 1.0)))
+        return weight
+
+    @cached_property
+    def _scale(self) -> FloatArray:
+        return np.sqrt(self._weight / (self.count * (self.process.spectrum if self.periods else 1.0)))
 
     @cached_property
     def _filter(self) -> CausalFilter:

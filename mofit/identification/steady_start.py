@@ -17,9 +17,8 @@ from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum, merge, refine
 from mofit.problem import CampaignPosterior, Problem
 from mofit.simulation import objective_pairs
+from mofit.simulation.experiment import LEADS
 
-#: Longest time before a record, in lengths of it: a mode of 1 % damping rings up within twenty of its cycles by 1/e^10.
-_LONGEST = 8
 #: Change of the outputs by a start elsewhere that counts, in standard deviations of any parameter.
 _CHANGE = 0.1
 #: Steps per sampling interval that tell whether there is a change at all.
@@ -27,16 +26,24 @@ _STEPS = 4
 
 
 def led_setup(setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimum) -> ProblemSetup | None:
-    """The problem with the inputs led in where that fits better, by local descents; None where it does not.
+    """The problem with the inputs led in where that fits better; None where it does not. See `led_in`."""
+    found = led_in(setup, posterior, minimum)
+    return None if found is None else found[0]
+
+
+def led_in(
+    setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimum
+) -> tuple[ProblemSetup, FloatArray] | None:
+    """The problem with the inputs led in where that fits better, by local descents, and its minimum (d,).
 
     Parameters
     ----------
     setup, posterior, minimum
         The problem, its posterior with noise estimated, and the best minimum.
     """
-    steady, best, lengths = steady_from_start(posterior.main), setup, 1
+    steady, best = steady_from_start(posterior.main), setup
     point, value = minimum.point, float(posterior.evaluate(minimum.point[None])[0][0])
-    while steady and lengths <= _LONGEST:
+    for lengths in LEADS if steady else ():
         led = replace(setup, leads={name: lengths * length for name, length in steady.items()})
         if not _depends_on_start(best.posterior.main.with_noise(posterior.main.noise), led.posterior.main, point):
             break
@@ -44,8 +51,8 @@ def led_setup(setup: ProblemSetup, posterior: CampaignPosterior, minimum: Minimu
         (found, *_) = merge(refine(target.evaluate, point[None])) or (None,)
         if found is None or not value - found.value > WORTH:
             break
-        best, point, value, lengths = led, found.point, found.value, 2 * lengths
-    return None if best is setup else _where_better(posterior.main, best, point)
+        best, point, value = led, found.point, found.value
+    return None if best is setup else (_where_better(posterior.main, best, point), point)
 
 
 def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
@@ -64,11 +71,7 @@ def steady_from_start(problem: Problem) -> dict[str, float]:
     return {
         test.name: test.experiment.length + test.experiment.step
         for test, record in tests
-        if problem.system.states
-        and record.period
-        and record.periods >= 2
-        and not record.transient
-        and test.experiment.transient is None
+        if record.steady_from_start and problem.system.states and test.experiment.transient is None
     }
 
 

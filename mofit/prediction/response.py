@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_value
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
+from mofit.simulation.experiment import LEADS
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.requirements import undriven
 from mofit.simulation.scoped_simulator import ScopedSimulator
@@ -32,6 +33,8 @@ from mofit.simulation.scopes import Scopes
 DRAWS, FEWEST_DRAWS, MOST_NUMBERS = 200, 20, 32_000_000
 #: Integration error that is allowed, relative to the output's range.
 TOLERANCE = 1e-5
+#: Draws that decide for how long the inputs of a record are led in, and the share of the error that this must remove.
+_FEW, _NEARER = 8, 1e-3
 #: Room around the draws for which the integration steps are chosen, relative to their extent.
 _ROOM = 0.05
 
@@ -96,6 +99,8 @@ class Identified:
         scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
         sets = self._sets(scoped, count)
+        if analysis.steady_from_start and model.states and measurement.experiment.transient is None:
+            experiment = self._led(experiment, measurement, analysis, sets)
         fitted = [one.parameter for one in scoped if one.source == "fitted"]
         if fitted:
             sets = self._fitted(experiment, measurement, fitted, sets, analysis.period)
@@ -105,6 +110,23 @@ class Identified:
             message = f"model '{model.name}' gives no finite output at any draw of the run"
             raise InputError.of(f"test '{measurement.name}'", message, "Check its inputs and conditions")
         return Response(outputs[good], tuple(scoped), experiment)
+
+    def _led(
+        self, experiment: ExperimentData, measurement: Measurement, analysis: SignalAnalysis, sets: FloatArray
+    ) -> ExperimentData:
+        """The record with its inputs led in as long as that brings the outputs nearer to those measured.
+
+        See `mofit.identification.steady_start`.
+        """
+        length = measurement.experiment.length + measurement.experiment.step
+        best, error = experiment, np.inf
+        for lengths in (0, *LEADS):
+            led = experiment_data(self.model, measurement, replace(analysis, lead=lengths * length), False)
+            squares = float(np.median(self._simulator(led, sets[:_FEW]).cost(sets[:_FEW]).sum(axis=1)))
+            if not squares < (1 - _NEARER) * error:
+                break
+            best, error = led, squares
+        return best
 
     def _sets(self, scoped: Sequence[ScopedValue], count: int) -> FloatArray:
         """Values of all parameters, (count, np); those that are fitted have any."""

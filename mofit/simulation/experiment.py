@@ -18,6 +18,9 @@ from mofit.models.model import TIME
 from mofit.quantities import HOLD, INTERPOLATIONS
 from mofit.simulation.requirements import all_conditions, derived_channels, measured_outputs, undriven
 
+#: lengths of a record for which its inputs are led in, one after the other, until that changes nothing any more: a mode
+#: of 1 % damping rings up within eight times twenty of its cycles to 1/e^10
+LEADS = (1, 2, 4, 8)
 #: samples up to which the curve of the inputs is kept: it takes several times the memory of the samples
 _SHORT_TEST = 20_000
 #: share of a period within which a time counts as a whole number of periods

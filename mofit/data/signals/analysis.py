@@ -68,6 +68,11 @@ class SignalAnalysis:
     """Time that the inputs, repeated, act on a model before the first sample, s."""
 
     @property
+    def steady_from_start(self) -> bool:
+        """Whether the record repeats from its first sample on, as far as can be told."""
+        return self.period is not None and self.periods >= 2 and not self.transient
+
+    @property
     def repeats(self) -> bool:
         """Whether the noise was told from the signal by what repeats, coloured or not."""
         return self.noise_method in REPEATS
