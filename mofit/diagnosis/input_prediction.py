@@ -1,7 +1,7 @@
 r"""Records that do not repeat: what past inputs predict of the residual is a gap, what is left beside that is noise.
 
 An output-error model may leave a coloured residual and be right; wrong is one whose residual depends on the input. So
-the residual is regressed on functions of past inputs and of the model's own response to them,
+the residual is regressed on functions of past inputs and of the model's own response to them, and on what rotates,
 
 .. math:: e(t) = \sum_j c_j\, \varphi_j(u(s), \hat y(s); s \le t) + n(t),
 
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.data.signals import noise_process
+from mofit.diagnosis.spectral_classes import rotational_orders
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.diagnosis.whitening import Whitening
 
@@ -51,9 +52,8 @@ def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[Flo
     processes, functions = {}, {}
     for output in sorted({output for _, output, w in observed.records if not w.periods}):
         own = [(test, w) for test, of, w in observed.records if of == output and not w.periods]
-        columns = [
-            _centred(one, w) for one, (_, w) in zip(_functions(observed, own, output, simulated), own, strict=True)
-        ]
+        together = zip(_functions(observed, own, output, simulated), _turning(observed, own), own, strict=True)
+        columns = [_centred(np.concatenate([past, turning], axis=1), w) for past, turning, (_, w) in together]
         found = _noise(observed, own, output, simulated, columns)
         for (test, _), w, one in zip(own, found, columns, strict=True):
             processes[test, output], functions[test, output] = w.process, one
@@ -130,6 +130,18 @@ def _functions(
     for place, (_, w) in enumerate(own):
         order = 2 * place / max(len(own) - 1, 1) - 1
         yield np.concatenate([_of_signal(signals[place], w, lags, order) for signals in scaled], axis=1)
+
+
+def _turning(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> Iterator[FloatArray]:
+    """Cosine and sine of what rotates, (samples, q) per record: its angle is another one in each."""
+    orders = [rotational_orders(observed.problem.measurements[test]) for test, _ in own]
+    count = 2 * max(map(len, orders), default=0)
+    for place, ((test, w), rates) in enumerate(zip(own, orders, strict=True)):
+        found = np.zeros((len(observed.problem.measurements[test].time), len(own) * count))
+        phase = 2 * np.pi * w.step * np.outer(np.arange(len(found)), list(rates.values()))
+        here = found[:, place * count : (place + 1) * count]
+        here[:, : len(rates)], here[:, count // 2 : count // 2 + len(rates)] = np.cos(phase), np.sin(phase)
+        yield found
 
 
 def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whitening]]) -> list[FloatArray] | None:

@@ -44,6 +44,15 @@ def test_an_order_is_named_with_its_amplitude(kind: str, name: str, amplitude: f
     assert "of the rig" in found.conclusion.sentence
 
 
+@pytest.mark.parametrize("amplitude", [0.0, 20.0])
+def test_an_order_is_no_noise_of_a_chirp(amplitude: float) -> None:
+    """Although past inputs do not predict it."""
+    found = diagnosed(wheel=amplitude, sweep=2.0)
+    assert [effect.name for effect in found.conclusion.effects] == (["wheel_order"] if amplitude else [])
+    for effect in found.conclusion.effects:
+        assert effect.size_low < amplitude < effect.size_high
+
+
 def test_the_angle_of_each_test_is_found() -> None:
     rng = np.random.default_rng(1)
     (effect,) = diagnosed(wheel=20.0).conclusion.effects

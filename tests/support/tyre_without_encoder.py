@@ -24,8 +24,9 @@ def tyre_campaign(
     radius_error: float = 0.0,
     seed: int = 1,
     frequencies: tuple[float, ...] = FREQUENCIES,
+    sweep: float = 0.0,
 ) -> Campaign:
-    """Sines of 2 degrees.
+    """Sines of 2 degrees; with ``sweep``, Hz, chirps to frequencies as much higher.
 
     ``wheel``: amplitude of the wheel's force variation, N; ``drum``: of the load's modulation, relative; ``lag``:
     length of the contact patch's lag, m; ``offsets``: standard deviation of the zero offsets of the tests, N;
@@ -36,23 +37,27 @@ def tyre_campaign(
     for frequency in frequencies:
         time = np.arange(round(DURATION * RATE)) / RATE
         at_wheel, at_drum = rng.uniform(0, 2 * np.pi, 2)
-        force = _force(time, frequency, lag, drum, at_drum) + wheel * np.cos(SPEED / RADIUS * time + at_wheel)
+        force = _force(time, (frequency, sweep), lag, drum, at_drum) + wheel * np.cos(SPEED / RADIUS * time + at_wheel)
         force += offsets * rng.standard_normal() + NOISE * rng.standard_normal(len(time))
-        steer = np.deg2rad(2.0) * np.sin(2 * np.pi * frequency * time)
+        steer, kind = _steer(time, frequency, sweep), "chirp" if sweep else "sine"
         experiment = Experiment(
-            f"{frequency:g} Hz", "sine", time, {"slip_angle": steer}, conditions, frequency, np.deg2rad(2.0)
+            f"{frequency:g} Hz", kind, time, {"slip_angle": steer}, conditions, frequency, np.deg2rad(2.0)
         )
         units = {"slip_angle": "rad", "lateral_force": "N"}
         tests.append(Measurement(experiment, {"lateral_force": force}, units))
     return Campaign("tyre without an encoder", "simulated", conditions, tuple(tests))
 
 
-def _force(time: np.ndarray, frequency: float, lag: float, drum: float, at_drum: float) -> np.ndarray:
+def _steer(time: np.ndarray, frequency: float, sweep: float) -> np.ndarray:
+    return np.deg2rad(2.0) * np.sin(2 * np.pi * (frequency + 0.5 * sweep * time / DURATION) * time)
+
+
+def _force(time: np.ndarray, excited: tuple[float, float], lag: float, drum: float, at_drum: float) -> np.ndarray:
     """Force of the contact patch, from rest."""
 
     def patch(t, state):
         deflection, branch, lagged = state
-        angle = lagged if lag else np.deg2rad(2.0) * np.sin(2 * np.pi * frequency * t)
+        angle = lagged if lag else _steer(t, *excited)
         transport = SPEED * np.cos(angle) + 0.01
         slip = SPEED * np.sin(angle) / transport
         size = abs(slip) / KNOWN["s_M"]
@@ -64,7 +69,7 @@ def _force(time: np.ndarray, frequency: float, lag: float, drum: float, at_drum:
 
     def change(t, state):
         _, _, _, rate = patch(t, state)
-        steer = np.deg2rad(2.0) * np.sin(2 * np.pi * frequency * t)
+        steer = _steer(t, *excited)
         return [rate, BRANCH / BRANCH_DAMPING * (state[0] - state[1]), (steer - state[2]) * SPEED / lag if lag else 0.0]
 
     found = solve_ivp(change, (0, time[-1]), [0.0, 0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-11, max_step=0.02)
