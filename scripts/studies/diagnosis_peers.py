@@ -1,7 +1,8 @@
 """What do peers say of the gaps that `mofit diagnose` sees? Writes reports/diagnosis_peers/README.md.
 
     python scripts/studies/diagnosis_peers.py [--seed 0] [--none 5] [--library 8] [--own 6] [--strangers 5]
-                                              [--time 300] [--parallel 2] [--work FOLDER] [--page FILE]
+                                              [--data FOLDER] [--time 300] [--parallel 2] [--work FOLDER]
+                                              [--page FILE]
 
 Campaigns of `other_rigs.py` (damper, joint, oscillator; sines, chirps, random records, multisines; white and AR(0.8)
 noise), drawn at random by kind, each case at most once more than another; what rotates is left out. `mofit diagnose`
@@ -28,12 +29,13 @@ relaxation. Constant, x and v name nothing. A peer refuses a stranger where it n
 stiffness is not far from it.
 
 Measured is the share of the squared gap that the correction removes on noise-free records that no fit saw: of the same
-kind, larger, of another kind. It is 0 where nothing is proposed: a peer without correction; `none` and `unknown` of
-mofit. What was told holds where at least as much was measured, less ten points. Seconds are processor time of the
-process, start and imports included; to a peer's those of the baseline are added,
-and to SINDy's those of the responses to single forces and parameters. Rows that the work folder holds
-already are kept. A peer whose package is not installed is left out, and the page says so. sysidentpy 0.9 declares
-numpy below 2.4, so that it is no extra of mofit; `pip install --no-deps sysidentpy` works beside a newer one.
+kind, larger, of another kind; for the measured friction damper on the measured earthquake, noise included. It is 0
+where nothing is proposed: a peer without correction; `none` and `unknown` of mofit. What was told holds where at least
+as much was measured, less ten points. Seconds are processor time of the process, start and imports included; to a
+peer's those of the baseline are added, and to SINDy's those of the responses to single forces and parameters. Rows that
+the work folder holds already are kept. A peer whose package is not installed is left out, and the page says so.
+sysidentpy 0.9 declares numpy below 2.4, so that it is no extra of mofit; `pip install --no-deps sysidentpy` works
+beside a newer one.
 
 LISDD (arXiv 2606.23215) is left out: only its abstract could be had, which leaves regions, statistic and thresholds
 open. A row would show our choices, not its procedure.
@@ -55,11 +57,13 @@ from typing import Any
 import numpy as np
 
 import other_rigs
+from diagnosis_peers_cases import measured
 from diagnosis_peers_cases.page import page
 from diagnosis_peers_cases.peer import PEERS
 from diagnosis_peers_cases.score import peer_row
 from other_rigs_cases.campaign import make, name_of
 from other_rigs_cases.cases import CASES, Cell, cells
+from other_rigs_cases.score import row_of
 from report_page import ROOT
 from systems.running import limited
 
@@ -87,7 +91,7 @@ def code_digest() -> str:
     """Digest of mofit, the generator and the peers: rows of another code are not kept."""
     digest = hashlib.sha256(other_rigs.code_digest().encode())
     for file in sorted(HERE.glob("*.py")):
-        if file.name not in ("page.py", "score.py"):
+        if file.name not in ("page.py", "score.py", "measured.py"):
             digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -95,9 +99,25 @@ def code_digest() -> str:
 def run(cell: Cell, seed: int, work: Path, time: float, digest: str) -> dict[str, Any]:
     """Rows of one campaign: of mofit, and of every peer that is installed."""
     mofit = other_rigs.run(cell, seed, work, time, other_rigs.code_digest())
-    name = name_of(cell, seed)
+    return {"mofit": mofit, **_peers(name_of(cell, seed), make(cell, seed, work), seed, work, time, digest)}
+
+
+def run_measured(data: Path, seed: int, work: Path, time: float, digest: str) -> dict[str, Any]:
+    """The same rows of a measured damper."""
+    measured.prepare(data, work)
+    name, model = measured.NAME, measured.MODEL
+    path, folder = work / "rows" / f"{name}-{digest}.json", work / "answers" / name
+    if not path.exists():
+        command = [str(other_rigs.CHILD), name, "--work", str(work), "--model", model, "--seed", str(seed)]
+        code, cpu = _ran(command, folder, time)
+        path.write_text(json.dumps(row_of(work, name, code, cpu)), encoding="utf-8")
+    mofit = json.loads(path.read_text(encoding="utf-8"))
+    return {"mofit": mofit, **_peers(name, model, seed, work, time, digest)}
+
+
+def _peers(name: str, model: str, seed: int, work: Path, time: float, digest: str) -> dict[str, Any]:
     folder = work / "peers" / name
-    model, baseline = make(cell, seed, work), folder / f"baseline-{digest}.json"
+    baseline = folder / f"baseline-{digest}.json"
     folder.mkdir(parents=True, exist_ok=True)
     if not baseline.exists():
         command = [str(HERE / "baseline.py"), name, "--work", str(work), "--model", model, "--seed", str(seed)]
@@ -105,7 +125,7 @@ def run(cell: Cell, seed: int, work: Path, time: float, digest: str) -> dict[str
         columns = json.loads((folder / "answer.json").read_text(encoding="utf-8"))["columns"]
         baseline.write_text(json.dumps({"fit": cpu - columns, "columns": columns}), encoding="utf-8")
     before = json.loads(baseline.read_text(encoding="utf-8"))
-    rows = {"mofit": mofit}
+    rows = {}
     for peer, about in ((key, one) for key, one in PEERS.items() if one.installed):
         kept = folder / f"{peer}-{digest}.json"
         if not kept.exists():
@@ -131,6 +151,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     for kind, number in (("none", 5), ("library", 8), ("own", 6), ("strangers", 5)):
         parser.add_argument(f"--{kind}", type=int, default=number, help="campaigns of that kind")
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="measured data")
     parser.add_argument("--time", type=float, default=300.0, help="s of wall time per process")
     parser.add_argument("--parallel", type=int, default=2)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "diagnosis_peers")
@@ -142,6 +163,9 @@ def main() -> None:
     command = f"diagnosis_peers.py --seed {args.seed} {sizes} --time {args.time:g}"
     one = partial(run, seed=args.seed, work=args.work.resolve(), time=args.time, digest=code_digest())
     args.page.parent.mkdir(parents=True, exist_ok=True)
+    rig = None
+    if (args.data / measured.NAME).is_dir():
+        rig = run_measured(args.data, args.seed, args.work.resolve(), args.time, code_digest())
     rows: dict[Cell, dict[str, Any]] = {}
     with ProcessPoolExecutor(args.parallel, get_context("spawn")) as pool:
         tasks = {pool.submit(one, cell): cell for cell in wanted}
@@ -152,7 +176,7 @@ def main() -> None:
             for key, row in found.items():
                 print("   ", key, row["verdict"], row["families"], row["measured"], row["seconds"], flush=True)
             done = [rows[cell] for cell in wanted if cell in rows]
-            args.page.write_text(page(done, len(wanted), command, __doc__), encoding="utf-8")
+            args.page.write_text(page(done, rig, len(wanted), command, __doc__), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -147,7 +147,9 @@ def test_a_peer_is_scored_on_noise_free_records_and_shown(tmp_path):
     assert row["measured"] == pytest.approx({"same": 0.75, "group": 0.75, "other": 0.75})
     failed = peer_row(tmp_path, "name", "whiteness", {"answer": None, "code": 1, "seconds": 3.0})
     assert failed["verdict"] == "no result"
-    text = page([{"mofit": row, "pysindy": row, "whiteness": failed}], 1, "diagnosis_peers.py", diagnosis_peers.__doc__)
+    rows = {"mofit": row, "pysindy": row, "whiteness": failed}
+    text = page([rows], rows, 1, "diagnosis_peers.py", diagnosis_peers.__doc__)
+    assert "| SINDy (pysindy) | gap | friction | 80 % | 75 % | 3.0 |" in text
     assert "| SINDy (pysindy) | terms | by its terms | 0 of 0 | 1 of 1 | 1 of 1 (1) |" in text
     assert "75 % | 75 % | 75 % | 1 of 1 | 0 of 3 kinds | 3 of 3 | 3.0 (3.0) |" in text
     assert measured_shares({}, {}) == {}

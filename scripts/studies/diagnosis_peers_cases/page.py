@@ -12,14 +12,15 @@ from diagnosis_peers_cases.score import holds, proposed, right
 from other_rigs_cases.score import KINDS
 from report_page import header, made_with, table
 
-Rows = Sequence[dict[str, Any]]
+Rows = Sequence[Mapping[str, Any]]
+Row = Mapping[str, Mapping[str, Any]]
 TITLES = {"mofit": "mofit diagnose", **{key: peer.title for key, peer in PEERS.items()}}
 PLACES = {"mofit": "frequency, input, rate, time", **{key: peer.where for key, peer in PEERS.items()}}
 CAUSES = {"mofit": "by families and laws", **{key: peer.cause for key, peer in PEERS.items()}}
 
 
-def page(rows: Sequence[dict[str, dict[str, Any]]], wanted: int, command: str, doc: str | None) -> str:
-    """The page as Markdown, of the campaigns that there are of those wanted."""
+def page(rows: Sequence[Row], measured: Row | None, wanted: int, command: str, doc: str | None) -> str:
+    """The page as Markdown, of the campaigns that there are of those wanted, and of a measured one."""
     seen = [row for row in rows if row["mofit"]["visible"]]
     lines = header("Peers of the diagnosis", doc, command)
     lines += [f"{len(rows)} of {wanted} campaigns so far." if len(rows) < wanted else f"{wanted} campaigns."]
@@ -29,6 +30,7 @@ def page(rows: Sequence[dict[str, dict[str, Any]]], wanted: int, command: str, d
     own = {key: [row[key] for row in seen if key in row] for key in TITLES}
     own = {key: each for key, each in own.items() if each}
     lines += ["", "## Who says what", "", *_verdicts(own), "## Whose shrinkage holds, and time", "", *_shrinkage(own)]
+    lines += ["## A measured friction damper with play", "", *_measured(measured)]
     lines += ["## By campaign", "", *_campaigns(seen), made_with("pysindy", "sysidentpy", "scikit-learn")]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -83,7 +85,20 @@ def _shrinkage(own: Mapping[str, Rows]) -> list[str]:
     return table(columns, body)
 
 
-def _campaigns(seen: Sequence[dict[str, dict[str, Any]]]) -> list[str]:
+def _measured(rows: Row | None) -> list[str]:
+    """What is said of sine strokes, and the share of the gap on an earthquake."""
+    if rows is None:
+        return ["Its data were not there.", ""]
+    body = []
+    for key, row in rows.items():
+        told = "–" if row["share"] is None else _percent(row["share"])
+        share = _percent(proposed(row)["other"]) if proposed(row).get("other") else "–"
+        named = ", ".join(row["families"]) or "–"
+        body.append((TITLES[key], row["verdict"], named, told, share, f"{row['seconds']:.1f}"))
+    return table(("", "verdict", "named", "told", "share of the gap removed on the earthquake", "s"), body)
+
+
+def _campaigns(seen: Sequence[Row]) -> list[str]:
     body = []
     for rows in seen:
         label = rows["mofit"]
@@ -94,7 +109,7 @@ def _campaigns(seen: Sequence[dict[str, dict[str, Any]]]) -> list[str]:
     return table(("campaign", "hidden", *TITLES.values()), body)
 
 
-def _said(row: dict[str, Any]) -> str:
+def _said(row: Mapping[str, Any]) -> str:
     names = row["families"] or row.get("where") or ""
     words = ", ".join(names) if isinstance(names, list) else names.replace("|", "\\|")
     shares = proposed(row)
