@@ -174,7 +174,9 @@ def test_signals_come_from_the_fitted_model(tmp_path):
     u = inputs(model, campaign)
     offset = simulator.space.from_unit(simulator.point)[simulator.space.index("x_0")]
     expected = simulator.output(campaign) - offset
-    assert driven(simulator, campaign, u[None] / rms(u))[0] == pytest.approx(expected, abs=1e-3 * rms(expected))
+    assert driven(simulator, campaign, u[None] / 2.0, 2.0)[0] == pytest.approx(expected, abs=1e-3 * rms(expected))
+    # a constant force settles at the same output in all records
+    assert rms(parts["held_out"].forced[0, :, -1]) == pytest.approx(rms(parts["campaign"].forced[0, :, -1]), rel=1e-3)
     # and the offset itself moves the output by what it changes
     low, high = (simulator.space["x_0"].lower, simulator.space["x_0"].upper)
     assert simulator.moved(campaign)[simulator.space.index("x_0")] == pytest.approx(high - low, rel=1e-6)

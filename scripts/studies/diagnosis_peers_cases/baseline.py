@@ -67,10 +67,10 @@ def watching(model: Model, state: str) -> Model:
     return found
 
 
-def driven(simulator: Simulator, records: Campaign, added: FloatArray) -> FloatArray:
-    """Change of the output by forces (terms, tests, samples) beside the input, per unit of force."""
+def driven(simulator: Simulator, records: Campaign, added: FloatArray, unit: float) -> FloatArray:
+    """Change of the output by forces (terms, tests, samples) beside the input, in units of the input."""
     channel, tests = simulator.model.inputs[0].name, []
-    size = SMALL * rms(inputs(simulator.model, records))
+    size = SMALL * unit
     for k, per_test in enumerate(added):
         for one, force in zip(records.measurements, per_test, strict=True):
             pushed = {channel: one.experiment.inputs[channel] + size * force}
@@ -102,7 +102,7 @@ def prepared(simulator: Simulator, campaign: Campaign, held: Campaign) -> tuple[
     for part, records, motion in zip(("campaign", "held_out"), (campaign, held), motions, strict=True):
         u, s, x, v = (signal / scale for signal, scale in zip(motion, scales, strict=True))
         is_force = model.name == FORCE_OUT
-        forced = np.empty((0, 0, 0)) if is_force else driven(simulator, records, forces(u, x, v)) / scales[1]
+        forced = np.empty((0, 0, 0)) if is_force else driven(simulator, records, forces(u, x, v), scales[0]) / scales[1]
         left = residual / rms(residual) if part == "campaign" else np.empty((0, 0))
         parts[part] = Records(u, s, x, v, forced, simulator.moved(records) / scales[1], left)
     return parts, motions[1][1], rms(residual)
