@@ -55,9 +55,10 @@ def right(row: Mapping[str, Any]) -> dict[str, bool]:
         "gap": row["verdict"] not in ("none", "no result"),
         "first": naming and row["family"] in (row["families"] if alike else row["families"][:1]),
         "named": naming and row["family"] in row["families"],
-        "nameless": row["verdict"] == "unknown" or (row["verdict"] == "gap" and not row["families"]),
+        "nameless": row["verdict"] == "unknown" or (row["verdict"] in ("gap", "none") and not row["families"]),
         # a part of the gap explained, with the rest told, is no wrong name: as in the study of other rigs
-        "refused": row["verdict"] in ("unknown", "partly") or (row["verdict"] == "gap" and not row["families"]),
+        "refused": row["verdict"] in ("unknown", "partly")
+        or (row["verdict"] in ("gap", "none") and not row["families"]),
     }
 
 
