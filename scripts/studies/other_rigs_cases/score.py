@@ -90,11 +90,22 @@ def right(label: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, bool]:
 
 
 def _measured(path: Path, truth: Mapping[str, FloatArray]) -> dict[str, float]:
-    """Share of the squared gap that the best model removes, by kind of records held out, noise-free."""
     if not path.exists():
         return {}
     with np.load(path) as stored:
-        predicted = {key: stored[key] for key in stored.files}
+        return measured_shares({key: stored[key] for key in stored.files}, truth)
+
+
+def measured_shares(predicted: Mapping[str, FloatArray], truth: Mapping[str, FloatArray]) -> dict[str, float]:
+    """Share of the squared gap that a model removes, by kind of records held out.
+
+    Parameters
+    ----------
+    predicted
+        Outputs ``with:TEST`` of that model and ``without:TEST`` of the model without it.
+    truth
+        Outputs per test without noise.
+    """
     found = {}
     for kind in KINDS:
         squares = {"with": 0.0, "without": 0.0}
