@@ -154,7 +154,9 @@ def _search_line(search: Mapping[str, Any]) -> str:
 
 
 def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
-    """The conclusion, the effects, and the next experiment."""
+    """The conclusion, the effects, the proposed term, and the next experiment."""
+    from mofit.diagnosis.effect_file import EFFECT_FILE
+
     console = terminal_console()
     console.print(found["sentence"], style="bold")
     where = found["where"]
@@ -172,6 +174,15 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
             console.print(shares)
         if caveat := shrinkage["caveat"]:
             console.print(caveat)
+    if proposed := found["proposed"]:
+        table = _table("proposed term", "value", "5 %", "95 %", "unit", words=("unit",))
+        for one in proposed["parameters"]:
+            values = [f"{one[key]:.4g}" for key in ("value", "low", "high")]
+            table.add_row(f"{one['name']}: {one['description']}", *values, one["unit"])
+        console.print(table)
+        console.print(f"To go on with it: mofit identify --effect {folder / EFFECT_FILE}")
+    elif found["verdict"] in ("partly", "unknown"):
+        console.print(f"No term is proposed: {found['proposed_reason']}.")
     if found["next_experiment"]:
         console.print(found["next_experiment"]["sentence"])
     for warning in found["warnings"]:

@@ -58,7 +58,7 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
     shares = [share for kind, predicted in judged.items() if (share := _share(kind, predicted, seed))]
     rescaled = {one.name: one for one in candidates}
     scores = {one.name: replace(one, candidate=rescaled[one.name]) for one in found.score_tests}
-    added = [scores[name].sensitivity for name in found.best.effects]
+    added = [scores[name].sensitivity for name in found.best.effects if name in scores]
     predicted = predicted_share(found.baseline, added, reference.remainder)
     return Shrinkage(tuple(shares), predicted, tuple(reversed(once.values())))
 

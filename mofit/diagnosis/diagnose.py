@@ -19,6 +19,7 @@ from mofit.diagnosis.main_cause import Case, investigate, main_causes, stands_ou
 from mofit.diagnosis.measured_shrinkage import measured_shrinkage
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
+from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.refit import share_left
 from mofit.diagnosis.residual_map import homogeneity
 from mofit.diagnosis.result import Diagnosis
@@ -95,6 +96,9 @@ def diagnose(
     first = investigate(baseline, chosen, rules, progress)
     case, ending = _graded(first, observed, chosen, records, settings.seed, progress)
     found, conclusion = ending.found, ending.conclusion
+    proposed = _proposed(first, case, ending, settings.seed, progress)
+    if isinstance(proposed, Proposal):
+        conclusion = replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}")
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
     return Diagnosis(
@@ -107,6 +111,8 @@ def diagnose(
         homogeneity=tuple(homogeneity(case.found.baseline)),
         shrinkage=ending.shrinkage,
         shrinkage_reason=ending.reason,
+        proposed=proposed if isinstance(proposed, Proposal) else None,
+        proposed_reason=proposed if isinstance(proposed, str) else "",
         next_experiment=next_experiment(observed, undecided, rules.next_experiment),
         nrmsd_before=_nrmsd(found.baseline),
         nrmsd_after=_nrmsd(found.best.fitted),
@@ -176,6 +182,17 @@ def _graded(
             if ending.conclusion.verdict != "unknown":
                 return case, ending
     return first, _ending(first, observed, records, seed, progress)
+
+
+def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Progress) -> Proposal | str:
+    """A term where no known effect explains the gap, or why there is none."""
+    verdict = ending.conclusion.verdict
+    if verdict not in ("partly", "unknown"):
+        return "there is no gap" if verdict == "none" else "the known effects explain the gap"
+    if not case.settings.propose:
+        return "it was not asked for"
+    main = ending.found.best.fitted if verdict == "partly" else None
+    return propose(first.found.baseline, main, case.settings, seed, progress)
 
 
 def _at_ends(found: Attribution) -> tuple[str, ...]:

@@ -12,10 +12,12 @@ from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.conclusion import Conclusion
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
+from mofit.diagnosis.proposal import Proposal
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
 from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.shrinkage import Share, Shrinkage
+from mofit.diagnosis.term_curve import term_curves
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.simulation import first_input
 
@@ -42,6 +44,8 @@ class Diagnosis:
         Whether single tests agree on the model's parameters.
     shrinkage, shrinkage_reason
         How far the gap shrinks, or why that is not reported.
+    proposed, proposed_reason
+        Terms learnt from the data where no known effect explains the gap, or why none are proposed.
     next_experiment
         What would discriminate between indistinguishable models.
     nrmsd_before, nrmsd_after, noise_floor
@@ -67,6 +71,8 @@ class Diagnosis:
     homogeneity: tuple[Homogeneity, ...]
     shrinkage: Shrinkage | None
     shrinkage_reason: str
+    proposed: Proposal | None
+    proposed_reason: str
     next_experiment: NextExperiment | None
     nrmsd_before: Mapping[str, float]
     nrmsd_after: Mapping[str, float]
@@ -102,6 +108,8 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "residual": _where(diagnosis.after, found.best_residuals) | _left(diagnosis),
         "shrinkage": None if shrinkage is None else _shrinkage(shrinkage),
         "shrinkage_reason": diagnosis.shrinkage_reason,
+        "proposed": None if diagnosis.proposed is None else _proposed(diagnosis.proposed),
+        "proposed_reason": diagnosis.proposed_reason,
         "next_experiment": None if following is None else asdict(following),
         "candidates": [_candidate(found, one) for one in found.score_tests],
         "accounts": [asdict(one) for one in diagnosis.accounts],
@@ -168,6 +176,20 @@ def _left(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
+def _proposed(proposal: Proposal) -> dict[str, Any]:
+    """What is proposed, with its estimates and what it removes of the gap."""
+    return {
+        "sentence": proposal.sentence,
+        "quantity": proposal.target.name,
+        "alike": list(proposal.target.alike),
+        "beside": list(proposal.beside),
+        "terms": [{"title": one.term.title, "formula": one.text} for one in proposal.effect.terms],
+        "scales": {one.name: one.scale for one in proposal.effect.variables},
+        "parameters": [asdict(one) for one in proposal.estimates],
+        "shrinkage": {key: getattr(proposal, key) for key in ("removed", "low", "high", "observed", "held_out")},
+    }
+
+
 def _candidate(found: Attribution, one: ScoreTest) -> Mapping[str, Any]:
     """The score test of one effect, and what leaving it out would do to the model's parameters."""
     names, slope = found.baseline.hypothesis.space.names, found.baseline.derivative
@@ -223,6 +245,7 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "test_estimates": [asdict(one) for one in diagnosis.homogeneity],
         "records": list(_records(diagnosis)),
+        "proposed_curves": None if diagnosis.proposed is None else term_curves(diagnosis.proposed),
     }
 
 

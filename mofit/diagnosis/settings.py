@@ -89,6 +89,8 @@ class DiagnosisSettings:
     resolution: float = 0.1
     """Where no cause stands out, a discrepancy of this share of the gap counts as noise: the lines with the least noise
     may hide the main cause."""
+    propose: bool = True
+    """Whether a term is learnt from the data where no known effect explains the gap."""
     indistinguishable: float = 4.6
     """Difference of the criterion below which models are indistinguishable: less than ten times less probable."""
     indistinguishable_of_several: float = 1.4

@@ -32,7 +32,7 @@ class Effect(ABC):
         is one by itself.
     on
         Names of possible targets; the effect acts on the first that the model has. ``"output"`` means the model's
-        first output.
+        first output, ``"rate of NAME"`` the derivative of its state.
     needs
         Names of the model that `apply` reads beside the target; ``"one or another"`` where either will do.
     parameters, states
@@ -210,7 +210,7 @@ def target_of(effect: Effect, model: Model) -> str:
         If the model has none of the effect's targets, or lacks something that the effect needs.
     """
     where, lacking = f"effect '{effect.name}'", f"which model '{model.name}' does not have"
-    targets = _possible_targets(model)
+    targets = possible_targets(model)
     first = {"output": model.outputs[0].name} if model.outputs else {}
     target = next((name for name in (first.get(entry, entry) for entry in effect.on) if name in targets), None)
     if target is None:
@@ -231,13 +231,19 @@ def incompatibility(effect: Effect, model: Model) -> str | None:
     return None
 
 
-def _possible_targets(model: Model) -> tuple[str, ...]:
-    """Inputs, announced quantities, outputs, parameters and conditions of the model."""
+def possible_targets(model: Model) -> tuple[str, ...]:
+    """Inputs, announced quantities, outputs, rates of states, parameters and conditions of the model."""
     groups = (model.states, model.inputs, model.parameters, model.conditions)
     states, inputs, *constants = ([item.name for item in group] for group in groups)
     symbols = Symbols({name: ca.SX.sym(name) for name in chain(states, inputs, *constants)})
     model.equations(symbols)
-    return (*inputs, *symbols.quantities, *(channel.name for channel in model.outputs), *chain(*constants))
+    outputs = (channel.name for channel in model.outputs)
+    return (*inputs, *symbols.quantities, *outputs, *map(rate_of, states), *chain(*constants))
+
+
+def rate_of(state: str) -> str:
+    """Name of a state's derivative as a target of effects."""
+    return f"rate of {state}"
 
 
 def _units_of(model: Model, target: str) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
-from mofit.models.effect import Effect, ExtendedModel
+from mofit.models.effect import Effect, ExtendedModel, rate_of
 from mofit.models.lookup_tables import written_out
 from mofit.models.model import Applied, Apply, Equations, Model, Symbols
 from mofit.models.users_code import users_code
@@ -65,7 +65,10 @@ def build_system(model: Model) -> System:
     # an effect on an input that no equation uses still has states
     for name in groups["u"]:
         getattr(symbols, name)
-    derivatives = {**equations.derivatives, **symbols.derivatives}
+    own = {
+        name: symbols.quantity(rate_of(name), _sx(where, name, value)) for name, value in equations.derivatives.items()
+    }
+    derivatives = {**own, **symbols.derivatives}
     initial = {**equations.initial, **symbols.initial}
     output_names = tuple(channel.name for channel in model.outputs)
     raise_errors(

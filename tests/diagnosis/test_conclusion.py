@@ -77,7 +77,7 @@ def test_sentences_say_what_is_left():
     )
     assert left_over(0.18, Location("", "dc", 0.7)).endswith("most of it on the constant")
     assert left_over(0.18, Location("sine_3Hz", "", 0.7)).endswith("most of it in sine_3Hz")
-    assert left_over(0.18, None) == "18 % of its mean square is left"
+    assert left_over(0.18, None) == "18 % of its mean square is left in the fit to all tests"
 
 
 DAHL, DRIFT = ("friction", "dry friction (Dahl)"), ("drift", "drift over the campaign")

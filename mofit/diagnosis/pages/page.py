@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
 from mofit.diagnosis.pages.effects import effects_section, ruled_out_section
 from mofit.diagnosis.pages.hold_outs import hold_out_blocks
+from mofit.diagnosis.pages.proposed import proposed_section
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
 from mofit.diagnosis.result import Diagnosis, page_data
 from mofit.report import Page
@@ -37,6 +39,8 @@ def diagnosis_page(diagnosis: Diagnosis) -> Page:
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
     """Write ``diagnosis.html`` and the numbers behind it, ``diagnosis.json``, into an existing folder.
 
+    Beside them a proposed term as an effect file, ``proposed_effect.py``.
+
     Returns
     -------
     Path
@@ -49,6 +53,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
             where_section,
             effects_section,
             shrinkage_section,
+            *([proposed_section] if diagnosis.proposed else []),
             ruled_out_section,
             homogeneity_section,
             closing_section,
@@ -56,6 +61,9 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         data,
     )
     write_json(folder / "diagnosis.json", data)
+    if diagnosis.proposed:
+        text = effect_file(diagnosis.proposed, data["campaign"], data["model_title"])
+        (folder / EFFECT_FILE).write_text(text, encoding="utf-8")
     source = f"{data['model_title']} · {data['campaign']} ({data['source']})"
     return write_page(folder / "diagnosis.html", "Diagnosis of the gap", source, sections)
 
@@ -77,9 +85,20 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
         blocks.append(Text(f"The shrinkage is not reported: {data['shrinkage_reason']}."))
     else:
         blocks.append(Text(" ".join(filter(None, (shrinkage["sentence"], shrinkage["caveat"])))))
+    if data["verdict"] in ("partly", "unknown") and not data["proposed"]:
+        blocks.append(Text(f"No term is proposed: {data['proposed_reason']}."))
     if data["next_experiment"]:
         blocks.append(Text(Markup("<b>What to test next.</b> {}").format(data["next_experiment"]["sentence"])))
-    keys = ("verdict", "sentence", "effects", "group", "shrinkage", "shrinkage_reason", "next_experiment")
+    keys = (
+        "verdict",
+        "sentence",
+        "effects",
+        "group",
+        "shrinkage",
+        "shrinkage_reason",
+        "proposed_reason",
+        "next_experiment",
+    )
     return Section("summary", "Verdict", blocks, {key: data[key] for key in keys})
 
 
@@ -173,6 +192,9 @@ def closing_section(data: Mapping[str, Any]) -> Section:
             "criterion compares the models. It charges for every parameter and for the selection.",
             "Residual tests": "The residual of the best model is tested class by class and line by line. If much more "
             "than noise is left, the effect explains the gap in part, or none of the known effects does.",
+            "Proposed term": "Where no known effect explains the gap, forward selection among powers, products, "
+            "thresholds, lags and hystereses of inputs and states looks for what does. Cross-validation decides on the "
+            "quantity that it acts on and on the number of terms. It is fitted jointly with the parameters.",
             "Hold-outs": "Each test, and whole groups of tests, are predicted by fits to the others, without and with "
             "the effect; records held out by fits that never saw them. A group is the tests of largest amplitude or "
             "highest frequency (within a factor of √2 of the largest), or of one procedure.",

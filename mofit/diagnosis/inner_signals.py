@@ -1,0 +1,242 @@
+"""What a fitted model computes between input and output: where a missing term may act, and on what it depends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.hypothesis import experiments_of
+from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Symbols, build_system, with_effects
+from mofit.models.effect import possible_targets, rate_of
+from mofit.parameters import Parameter
+
+#: The input that every test has.
+_TIME = "time"
+#: Squared sine of the angle up to which two signals are one.
+_SAME = 1e-6
+#: Relative error up to which a signal is the rate of another.
+_RATE = 0.05
+#: Samples at which the ways of acting are compared.
+_POINTS = 200
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A signal that a term may depend on.
+
+    Parameters
+    ----------
+    name, unit
+        Of a state or an input.
+    scale
+        Its largest magnitude in the data.
+    low, high
+        Its range in the data, relative to that.
+    rate
+        Name of the state or input that is its rate; empty if none is.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    low: float
+    high: float
+    rate: str = ""
+
+    @property
+    def signed(self) -> bool:
+        """Whether it has both signs in the data."""
+        return self.low < 0 < self.high
+
+
+@dataclass(frozen=True)
+class Target:
+    """A quantity that a term may act on; ``alike`` are others on which an added term does the same."""
+
+    name: str
+    unit: str
+    scale: float
+    alike: tuple[str, ...] = ()
+
+
+class InnerModel(Model):
+    """A model whose further outputs are its states, inputs, announced quantities and rates, and effects' ``states``."""
+
+    def __init__(self, base: Model, effects_states: Sequence[str] = ()) -> None:
+        self.base = base
+        self.name, self.parameters, self.states, self.inputs = base.name, base.parameters, base.states, base.inputs
+        self.conditions = base.conditions
+        constants = {item.name for group in (base.parameters, base.conditions) for item in group}
+        states = tuple(state.name for state in base.states)
+        targets = (name for name in possible_targets(base) if name not in constants)
+        self.signals = tuple(dict.fromkeys((*states, *targets, *effects_states)))
+        self.outputs = (*base.outputs, *(Channel(f"inner signal {name}", "1") for name in self.signals))
+
+    def equations(self, s: Symbols) -> Equations:
+        """The base model's, with every signal."""
+        own = self.base.equations(s)
+        rates = {rate_of(name): value for name, value in own.derivatives.items()}
+        known = {**own.outputs, **s.quantities, **rates}
+        # without the effects their states are not there
+        known |= {name: getattr(s, name) if name in s else ca.SX(0) for name in self.signals if name not in known}
+        inner = {name: known[name] for name in self.signals}
+        return Equations(
+            {**own.outputs, **{f"inner signal {name}": ca.SX(value) for name, value in inner.items()}},
+            own.derivatives,
+            own.initial,
+        )
+
+
+class _Shift(Addition):
+    """A constant added to a quantity."""
+
+    def __init__(self, target: str, number: int) -> None:
+        self.name, self.on = f"shift_{number}", (target,)
+        self.parameters = (Parameter(self.name, TARGET_UNIT, -1.0, 1.0, 0.0, neutral=0.0),)
+
+
+@dataclass(frozen=True)
+class InnerSignals:
+    """Signals of the fitted model per test, by name: (samples,); ``used`` are the samples that count."""
+
+    fitted: Fitted
+    signals: tuple[Mapping[str, FloatArray], ...]
+    used: tuple[slice, ...]
+    steps: tuple[float, ...]
+
+    def joined(self, name: str) -> FloatArray:
+        """The samples used of all tests, one after the other."""
+        return np.concatenate([own[name][used] for own, used in zip(self.signals, self.used, strict=True)])
+
+    def variables(self) -> list[Variable]:
+        """Moving states and inputs, each signal once."""
+        model = self.fitted.hypothesis.observed.problem.model
+        channels = [one for one in (*model.inputs, *model.states) if one.name != _TIME]
+        found: list[tuple[Channel, FloatArray]] = []
+        for channel in channels:
+            values = self.joined(channel.name)
+            if np.ptp(values) > _SAME * np.abs(values).max() and not any(same(values, other) for _, other in found):
+                found.append((channel, values))
+        names = [channel.name for channel, _ in found]
+        return [
+            Variable(
+                channel.name,
+                channel.unit,
+                scale := float(np.abs(values).max()),
+                float(values.min()) / scale,
+                float(values.max()) / scale,
+                next((other for other in names if self._is_rate(other, channel.name)), ""),
+            )
+            for channel, values in found
+        ]
+
+    def _is_rate(self, rate: str, of: str) -> bool:
+        if rate == of:
+            return False
+        square, error = 0.0, 0.0
+        for own, used, step in zip(self.signals, self.used, self.steps, strict=True):
+            slope = np.gradient(own[of], step)[used]
+            square += float(np.sum(slope**2))
+            error += float(np.sum((own[rate][used] - slope) ** 2))
+        return error < _RATE**2 * square
+
+    def targets(self) -> list[Target]:
+        """Quantities on which added terms do different things: outputs first, then the last that is announced."""
+        observed = self.fitted.hypothesis.observed
+        model = observed.problem.model
+        outputs = [channel.name for channel in model.outputs]
+        inputs = [channel.name for channel in model.inputs if channel.name != _TIME]
+        rates = [rate_of(state.name) for state in model.states]
+        constants = {item.name for group in (model.parameters, model.conditions) for item in group}
+        known = {*outputs, *inputs, *rates, *constants, _TIME}
+        announced = [name for name in possible_targets(model) if name not in known]
+        names = [*outputs, *reversed(announced), *rates, *inputs]
+        ways = self._ways(model, names)
+        groups: list[list[int]] = []
+        for k, way in enumerate(ways):
+            if not np.isfinite(way).all() or not np.any(way):
+                continue
+            group = next((own for own in groups if same(ways[own[0]], way)), None)
+            if group is None:
+                groups.append([k])
+            else:
+                group.append(k)
+        units = {one.name: one.unit for one in (*model.inputs, *model.outputs)}
+        units |= {rate_of(state.name): f"{state.unit}/s" for state in model.states}
+        return [
+            Target(
+                names[own[0]],
+                units.get(names[own[0]], f"unit of {names[own[0]]}"),
+                float(np.abs(self.joined(names[own[0]])).max()),
+                tuple(names[k] for k in own[1:]),
+            )
+            for own in groups
+        ]
+
+    def _ways(self, model: Model, names: Sequence[str]) -> list[FloatArray]:
+        """What one more of each quantity does to rates and outputs at points of the data, (points * signals,) each."""
+        hypothesis = self.fitted.hypothesis
+        shifts = [_Shift(name, k) for k, name in enumerate(names)]
+        system = build_system(with_effects(model, *shifts))
+        still = {shift.name: 0.0 for shift in shifts}
+        points = [
+            [{**values, **still}[name] for name in system.parameters]
+            for values in hypothesis.layout.values_by_test(self.fitted.minimum.point)
+        ]
+        experiments = hypothesis.observed.problem.experiments
+        x, u, c = (
+            ca.SX.sym(name, len(group))
+            for name, group in (("x", system.states), ("u", system.inputs), ("c", system.conditions))
+        )
+        p = ca.SX.sym("p", len(system.parameters))
+        both = ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c))
+        place = [system.parameters.index(shift.name) for shift in shifts]
+        slope = ca.Function("slope", [x, u, p, c], [ca.jacobian(both, p[place])])
+        every = max(sum(one.stop - one.start for one in self.used) // _POINTS, 1)
+        found = []
+        for own, used, experiment, point in zip(self.signals, self.used, experiments, points, strict=True):
+            for i in range(used.start, used.stop, every):
+                state = [own[name][i] for name in system.states]
+                found.append(np.array(slope(state, experiment.inputs[i], point, experiment.conditions)))
+        stacked = np.stack(found)
+        # rates and outputs have units of their own
+        size = np.sqrt(np.mean(stacked**2, axis=(0, 2), keepdims=True))
+        return list((stacked / np.where(size > 0, size, 1.0)).transpose(2, 0, 1).reshape(len(names), -1))
+
+
+def same(a: FloatArray, b: FloatArray) -> bool:
+    """Whether one signal is a multiple of the other."""
+    product = float(a @ b) ** 2
+    return product >= (1 - _SAME) * float(a @ a) * float(b @ b)
+
+
+def inner_signals(fitted: Fitted) -> InnerSignals:
+    """Simulate all that the fitted model computes in the tests."""
+    hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
+    effects = hypothesis.effects
+    states = [state.name for effect in effects for state in effect.states]
+    inner = InnerModel(observed.problem.model, states)
+    first = len(observed.problem.model.outputs)
+    experiments = [
+        one.changed(
+            measured=np.zeros((len(one.measured), len(inner.outputs))),
+            weights=np.ones((len(one.measured), len(inner.outputs))),
+        )
+        for one in experiments_of(observed, effects)
+    ]
+    system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)
+    tests = hypothesis.layout.values_by_test(fitted.minimum.point)
+    outputs = simulator.simulate(np.array([[[values[name] for name in system.parameters] for values in tests]]))
+    signals = [{name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs]
+    used = {test: slice(w.start, w.start + w.count) for test, _, w in reversed(observed.records)}
+    return InnerSignals(
+        fitted,
+        tuple(signals),
+        tuple(used[test] for test in range(len(signals))),
+        tuple(one.step for one in experiments),
+    )

@@ -1,0 +1,179 @@
+"""The search for terms: those that predict what they were not fitted to, each round around the last joint fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.candidates import prepare
+from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
+from mofit.diagnosis.refit import is_reliable
+from mofit.diagnosis.term_selection import MOST_TERMS, Columns, Selection, fewest, prediction_errors, selections
+from mofit.diagnosis.terms import Term, TermEffect, block, hysteresis_terms, memory_terms, proposed, static_terms
+from mofit.errors import InputError
+
+#: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
+#: best, as a strong term bends its own direction; and most of all.
+_PREDICTING, _FITTING, _MOST_FITS = 3, 1, 8
+#: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
+_EQUAL = 0.25
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Terms fitted jointly with the parameters, and the squares left of every fold that was left out."""
+
+    fitted: Fitted
+    effect: TermEffect | None
+    errors: FloatArray
+
+    @property
+    def terms(self) -> int:
+        """Number of its terms."""
+        return len(self.effect.terms) if self.effect else 0
+
+    @property
+    def placed(self) -> list[tuple[Term, float]]:
+        """Its terms with their estimates."""
+        placed = estimated(self.effect, self.fitted).terms if self.effect else ()
+        return [(one.term, one.value) for one in placed]
+
+    @property
+    def parts(self) -> int:
+        """Number of its effects and terms."""
+        return self.terms + sum(one is not self.effect for one in self.fitted.hypothesis.effects)
+
+    @property
+    def error(self) -> float:
+        """Squares left of all folds."""
+        return float(self.errors.sum())
+
+
+def searched(start: Fitted, least: float) -> Trial:
+    """Terms added while they predict better what they were not fitted to, each round around the last joint fit.
+
+    A term must remove at least ``least`` squares; what a later one makes superfluous goes again.
+    """
+    best = Trial(start, None, prediction_errors(start))
+    signals = inner_signals(start)
+    targets, variables = signals.targets(), signals.variables()
+    while best.terms < MOST_TERMS:
+        columns = [_columns(best, target, variables) for target in targets]
+        promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
+        # of equals the first counts: the first quantity, and the shortest text
+        promising.sort(key=lambda one: (targets.index(one.target), sum(term.form.length for term in one.terms)))
+        present = best.placed
+        tried = [
+            _fitted(start, best.fitted, one.target, [*present, *zip(one.terms, one.sizes, strict=True)], one.shift)
+            for one in promising
+        ]
+        chosen = simplest([best, *(one for one in tried if one is not None)], least)
+        if chosen is best or chosen.effect is None:
+            break
+        best, targets = chosen, [chosen.effect.target]
+    return _pruned(start, best, least)
+
+
+def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
+    """Without the terms that it does not need."""
+    while best.effect is not None and best.terms > 1:
+        every, none = best.placed, np.zeros(int(best.fitted.free.sum()))
+        fewer = [
+            _fitted(start, best.fitted, best.effect.target, every[:k] + every[k + 1 :], none) for k in range(len(every))
+        ]
+        chosen = simplest([best, *(one for one in fewer if one is not None)], least)
+        if chosen is best:
+            break
+        best = chosen
+    return best
+
+
+def simplest(trials: Sequence[Trial], least: float) -> Trial:
+    """The one with the fewest parts that predicts about as well as the best; of equals the first."""
+    by_parts: dict[int, list[Trial]] = {}
+    for one in trials:
+        by_parts.setdefault(one.parts, []).append(one)
+    ranked = []
+    for _, own in sorted(by_parts.items()):
+        limit = min(one.error for one in own) + _EQUAL * least
+        ranked.append(next(one for one in own if one.error <= limit))
+    return ranked[fewest(np.array([one.errors for one in ranked]), least)]
+
+
+def _columns(best: Trial, target: Target, variables: Sequence[Variable]) -> Columns:
+    """What every term would add to the outputs, beside those that are there."""
+    model = best.fitted.hypothesis
+    # the terms act in the dynamic tests: the stages stay as they are
+    alone = replace(best.fitted, hypothesis=replace(model, observed=replace(model.observed, calibrations=())))
+    records = [w for _, _, w in model.observed.records]
+    shortest = 2 * min(w.step for w in records)
+    longest = 0.5 * float(np.median([w.step * w.count for w in records]))
+    terms, rows = [], []
+    for own in (static_terms(variables), *memory_terms(variables, shortest, longest), *hysteresis_terms(variables)):
+        found = prepare(alone, block(target, own), model.effects)
+        terms += own
+        rows.append(found.sensitivities[0][: len(model.observed.measured)])
+    return Columns(target, tuple(terms), np.concatenate(rows, axis=1))
+
+
+def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
+    """The best sets of all quantities, not too many of one, the best without memory among them."""
+    few: list[Selection] = []
+    for own in found:
+        predicting = list(own[:_PREDICTING])
+        static = next((one for one in own if not any(term.form.drives for term in one.terms)), None)
+        predicting += [static] if static is not None and static not in predicting else []
+        fitting = sorted((one for one in own if one not in predicting), key=lambda one: one.left)
+        few += predicting + fitting[:_FITTING]
+    return sorted(few, key=lambda one: one.error)[:_MOST_FITS]
+
+
+def _fitted(
+    start: Fitted, near: Fitted, target: Target, terms: Sequence[tuple[Term, float]], shift: FloatArray
+) -> Trial | None:
+    """Terms with their coefficients, fitted jointly with all parameters; None where that fails.
+
+    From the parameters of a fit ``near``, without and with a ``shift`` of its free ones.
+    """
+    old, count = start.hypothesis, len(start.minimum.point)
+    taken = {*old.layout.names, *(one.name for one in old.effects)}
+    effect = proposed(target, [term for term, _ in terms], [size for _, size in terms], taken)
+    own = _discrepancy(effect, len(old.observed.problem.space))
+    model = hypothesis(old.observed, (*old.discrepancies, own))
+    moved = near.minimum.point.copy()
+    moved[near.free] += shift
+    fresh = model.space.subset([p.name for p in effect.parameters])
+    values = fresh.to_unit([p.nominal for p in effect.parameters])
+    starts = [np.concatenate([np.clip(one[:count], 0.0, 1.0), values]) for one in (moved, near.minimum.point)]
+    try:
+        found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
+    except InputError:
+        return None
+    # a shape at the end of its range is another form
+    shapes = [found.hypothesis.space.index(one.shape) for one in effect.terms if one.shape]
+    if np.any(found.minimum.at_bound[shapes]) or not is_reliable(found):
+        return None
+    trial = Trial(found, effect, prediction_errors(found))
+    return trial if np.isfinite(trial.error) else None
+
+
+def _discrepancy(effect: TermEffect, free: int) -> Discrepancy:
+    point = {p.name: p.nominal for p in effect.parameters if p.neutral is None}
+    count = len(effect.size)
+    return Discrepancy(effect, point, np.zeros(count), np.zeros(free), np.zeros((free, count)))
+
+
+def estimated(effect: TermEffect, fitted: Fitted) -> TermEffect:
+    """The effect with the estimates as its terms' coefficients and shapes."""
+    values = fitted.values
+    terms = [
+        replace(one, value=values[one.size], term=replace(one.term, point=values.get(one.shape)))
+        for one in effect.terms
+    ]
+    return TermEffect(effect.name, effect.target, terms)

@@ -1,0 +1,200 @@
+"""Which of many terms a gap needs: orthogonal forward selection, its length by cross-validation.
+
+Linear in the coefficients: every term is a column, what it adds to the outputs per unit of its coefficient at the
+fitted model. A fit to tests, or to blocks of them, follows from sums of products of columns over each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.inner_signals import Target
+from mofit.diagnosis.integration import stable
+from mofit.diagnosis.terms import Term
+from mofit.diagnosis.whitened_data import WhitenedData
+
+#: Most terms of a proposal.
+MOST_TERMS = 3
+#: A single test is left out in so many blocks; one more, the first, is always fitted: it holds the initial state.
+_BLOCKS = 5
+#: Share of its length that must be left of a column beside the parameters' and those chosen.
+_LEAST_LEFT = 1e-3
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Terms on a quantity, and their whitened rows (m, K)."""
+
+    target: Target
+    terms: tuple[Term, ...]
+    rows: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Terms for a quantity with their coefficients, and by how much they shift the model's free parameters.
+
+    ``error`` are the squares that a selection on other folds leaves of a fold, over all of them; ``left`` those that a
+    fit to all leaves.
+    """
+
+    target: Target
+    terms: tuple[Term, ...]
+    sizes: FloatArray
+    shift: FloatArray
+    error: float
+    left: float
+
+
+def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
+    """Sets of terms by how well they predict folds which they were not fitted to.
+
+    The one that forward selection leads to, as few terms as predict within one standard error of the best number, or
+    within ``least`` squares; and every form alone, at the best of its shapes. The best first.
+    """
+    observed = fitted.hypothesis.observed
+    rows = len(observed.measured)
+    usable = [k for k in range(len(columns.terms)) if stable(columns.rows[:, k]) and np.any(columns.rows[:, k])]
+    size = np.linalg.norm(columns.rows[:, usable], axis=0)
+    own = [-fitted.jacobian[:rows, fitted.free], columns.rows[:, usable] / size, fitted.residual[:rows, None]]
+    grams, total = fold_products(observed, np.concatenate(own, axis=1))
+    total, free = total + _prior(fitted, len(total)), int(fitted.free.sum())
+    paths = [_path(total - gram, gram, free, most) for gram in grams]
+    errors = np.array([[step.error for step in path] for path in paths]).T
+    number = fewest(errors, least)
+    every = _path(total, total, free, most)
+
+    def selection(step: _Step, error: float) -> Selection:
+        return Selection(
+            columns.target,
+            tuple(columns.terms[usable[k]] for k in step.chosen),
+            np.array([step.solution[free + k] / size[k] for k in step.chosen]),
+            step.solution[:free],
+            error,
+            step.error,
+        )
+
+    found = [selection(every[number], float(errors[number].sum()))] if number else []
+    singles = np.sum([path[0].singles for path in paths], axis=0)
+    forms: dict[str, int] = {}
+    for k in np.argsort(singles, kind="stable"):
+        forms.setdefault(columns.terms[usable[k]].title, int(k))
+    found += [selection(_added(every[0], k, total, total), float(singles[k])) for k in forms.values()]
+    return sorted(found, key=lambda one: one.error)
+
+
+def prediction_errors(fitted: Fitted) -> FloatArray:
+    """Squares that fits to the other folds leave of every fold, (folds,): one Gauss–Newton step from the fit to all."""
+    rows = len(fitted.hypothesis.observed.measured)
+    columns = np.column_stack([-fitted.jacobian[:rows, fitted.free], fitted.residual[:rows]])
+    grams, total = fold_products(fitted.hypothesis.observed, columns)
+    total = total + _prior(fitted, len(total))
+    free = int(fitted.free.sum())
+    return np.array([_path(total - gram, gram, free, 0)[0].error for gram in grams])
+
+
+def fewest(errors: FloatArray, least: float) -> int:
+    """Fewest terms within one standard error of the best number, or within ``least``; of errors (terms + 1, folds)."""
+    best = int(np.argmin(errors.sum(axis=1)))
+    for number in range(best):
+        worse = errors[number] - errors[best]
+        if worse.sum() <= max(np.sqrt(len(worse)) * worse.std(ddof=1), least):
+            return number
+    return best
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A step of forward selection.
+
+    Columns chosen so far, the least-squares solution (d + K,) with them, the squares left of the held fold, those left
+    with one more column, (K,), and the elimination that leads to the next step.
+    """
+
+    chosen: tuple[int, ...]
+    solution: FloatArray
+    error: float
+    singles: FloatArray
+    turned: FloatArray
+    left: FloatArray
+
+
+def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_Step]:
+    """Forward selection on products ``train`` of d parameters, K terms and the residual, tested on those ``held``."""
+    count = len(train) - free
+    # every column beside the parameters; the last one is the residual
+    turned = np.zeros((len(train), count))
+    turned[:free] = -np.linalg.pinv(train[:free, :free], rcond=1e-12, hermitian=True) @ train[:free, free:]
+    turned[free:] = np.eye(count)
+    steps = [_step((), turned, train, held)]
+    length = np.diag(train)[free:-1]
+    for _ in range(min(most, count - 1)):
+        last = steps[-1]
+        power = np.diag(last.left)[:-1]
+        fresh = power > _LEAST_LEFT**2 * length
+        fresh[list(last.chosen)] = False
+        gain = np.where(fresh, last.left[:-1, -1] ** 2 / np.where(fresh, power, 1.0), 0.0)
+        if not np.any(gain > 0):
+            break
+        steps.append(_added(last, int(np.argmax(gain)), train, held))
+    return [*steps, *[steps[-1]] * (most + 1 - len(steps))]
+
+
+def _added(step: _Step, k: int, train: FloatArray, held: FloatArray) -> _Step:
+    """The step after one more column: all others beside it."""
+    share = step.left[k] / step.left[k, k]
+    share[k] = 0.0
+    return _step((*step.chosen, k), step.turned - np.outer(step.turned[:, k], share), train, held)
+
+
+def _step(chosen: tuple[int, ...], turned: FloatArray, train: FloatArray, held: FloatArray) -> _Step:
+    left, still = turned.T @ train @ turned, turned.T @ held @ turned
+    power = np.diag(left)[:-1]
+    size = np.where(power > 0, left[:-1, -1] / np.where(power > 0, power, 1.0), 0.0)
+    singles = still[-1, -1] - 2 * size * still[:-1, -1] + size**2 * np.diag(still)[:-1]
+    return _Step(chosen, -turned[:-1, -1], float(still[-1, -1]), singles, turned, left)
+
+
+def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Products of columns of whitened rows (m, k) over every fold, (folds, k, k), and over all rows, (k, k).
+
+    As signals relative to the output's range, every sample alike: sums of squares are relative mean squares. A fold is
+    a test, or a block of a single one.
+    """
+    tests = len(observed.problem.tests)
+    blocks = 1 if tests > 1 else _BLOCKS + 1
+    found = np.zeros((tests * blocks, columns.shape[1], columns.shape[1]))
+    for i, (test, _, w) in enumerate(observed.records):
+        here = observed.record == i
+        kept = np.where(observed.explainable[here, None], columns[here], 0.0)
+        signals = np.stack([w.signal(column) for column in kept.T], axis=1) / (observed.ranges[i] * np.sqrt(w.count))
+        for block, part in enumerate(np.array_split(signals, blocks)):
+            found[test * blocks + block] += part.T @ part
+    return found if tests > 1 else found[1:], found.sum(axis=0)
+
+
+def noise_squares(observed: WhitenedData) -> FloatArray:
+    """Squares of the noise in the metric of `fold_products`, (folds,)."""
+    share = observed.explainable * observed.noise_share * observed.variance
+    tests = len(observed.problem.tests)
+    relative = share / observed.ranges[observed.record] ** 2
+    found = np.array([relative[observed.test == test].sum() for test in range(tests)])
+    return found if tests > 1 else np.full(_BLOCKS, found[0] / (_BLOCKS + 1))
+
+
+def _prior(fitted: Fitted, size: int) -> FloatArray:
+    """Products of the rows of prior and box of the free parameters, in the metric of `fold_products`."""
+    observed = fitted.hypothesis.observed
+    rows = len(observed.measured)
+    jacobian = -fitted.jacobian[rows:, fitted.free]
+    below = np.column_stack([jacobian, np.zeros((len(jacobian), size - 1 - jacobian.shape[1])), fitted.residual[rows:]])
+    found = below.T @ below
+    place = np.arange(jacobian.shape[1])
+    found[place, place] += 1.0
+    # a whitened row has variance 1, one of the metric has this
+    kept = observed.explainable
+    return np.asarray(found * np.mean(observed.variance[kept] / observed.ranges[observed.record[kept]] ** 2))
