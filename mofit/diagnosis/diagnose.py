@@ -163,7 +163,11 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
     if not (case.is_main and stands_out(found, case.settings)):
         removed = 0.0
     before, after, rules = case.before, case.after, case.settings
-    conclusion = conclude(found, before, after, rules, ignored=case.ignored, share=share, removed=removed)
+    conclusion = conclude(
+        found, before, after, rules, ignored=case.ignored, share=share, removed=removed, held_out=alike
+    )
+    if shrinkage and conclusion.verdict == "unknown":
+        shrinkage, reason = None, "tests left out contradict the nearest of the known effects"
     return _Ending(found, conclusion, shrinkage, reason)
 
 
@@ -176,12 +180,13 @@ def _graded(
     progress: Progress,
 ) -> tuple[Case, _Ending]:
     """The case with its ending; where it explains the gap by nothing, that of a main cause if there is one."""
-    if first.conclusion.verdict == "unknown":
+    whole = _ending(first, observed, records, seed, progress)
+    if whole.conclusion.verdict == "unknown":
         for case in main_causes(first, effects, seed, progress):
             ending = _ending(case, observed, records, seed, progress)
             if ending.conclusion.verdict != "unknown":
                 return case, ending
-    return first, _ending(first, observed, records, seed, progress)
+    return first, whole
 
 
 def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Progress) -> Proposal | str:

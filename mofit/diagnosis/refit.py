@@ -11,6 +11,7 @@ from scipy.special import gammaln
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.gap_lines import beyond_noise
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
 from mofit.diagnosis.scoped_starts import with_best_values
@@ -293,7 +294,7 @@ def share_left(best: Fitted, baseline: Fitted) -> float:
         observed = fitted.hypothesis.observed
         told = observed.told(fitted.residual[: len(observed.measured)])
         squares = (told**2 - observed.noise_share * observed.visible) * observed.told_variance
-        return float(squares[observed.explainable].sum())
+        return float(squares[beyond_noise(observed, squares)].sum())
 
     left, whole = gap(best), gap(baseline)
     return float(np.clip(left / whole, 0.0, 1.0)) if whole > 0 else 0.0
