@@ -158,6 +158,7 @@ def conclude(
     share: float | None = None,
     removed: float = 0.0,
     held_out: Share | None = None,
+    rivals: Sequence[CandidateModel] = (),
 ) -> Conclusion:
     """Draw the conclusion from the gap before and after the best model.
 
@@ -171,11 +172,14 @@ def conclude(
         See `Finding`.
     held_out
         Share of the gap that the best model removes on tests left out in turn.
+    rivals
+        Models of other causes that explain about as much as the best, a main cause.
     """
     best = found.best
     several = len(best.effects) > 1
     limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
-    equal = tuple(one for one in found.models if one.effects and one.criterion < limit)
+    like_best = {id(one) for one in rivals}
+    equal = tuple(one for one in found.models if one.effects and (one.criterion < limit or id(one) in like_best))
     left_of_peak, left_share = _left(found, before, after, settings)
     doubtful = doubtful_effects([one.effects for one in equal])
     finding = Finding(
@@ -191,7 +195,7 @@ def conclude(
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)
-    missed = verdict in ("partly", "unknown")
+    missed = verdict in ("partly", "unknown") or bool(rivals)
     weights = probabilities_of_causes(found.models, found.baseline) if missed else probabilities(found.models)
     if verdict == "none":
         return Conclusion("none", "No gap: the residual is noise.", (), (), (), share, tuple(weights))
