@@ -43,7 +43,8 @@ class Parameter:
     """Values that are possible at all; the range is never widened beyond them. By default a bound at zero is one, and a
     log scale stays positive."""
     scales: tuple[tuple[str, float], ...] = ()
-    """How range, nominal value and grid grow with the data: powers of channels, see `powers` and `Model.typical`."""
+    """How range, nominal value and grid grow with the data: powers of channels, see `powers` and `Model.typical`;
+    ``"one or another"`` where a model has either."""
     per: str = PER_CAMPAIGN
     """What it has one value of: the ``"campaign"``, every ``"test"``, or every value of a condition, by its name."""
     pooled: bool = False

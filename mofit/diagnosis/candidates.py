@@ -18,7 +18,7 @@ from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
-from mofit.models import Effect, Model, effect_names, find_effect, incompatibility, with_effects
+from mofit.models import Effect, Model, drifts_of, effect_names, find_effect, incompatibility, with_effects
 from mofit.parameters import ParameterSpace
 from mofit.simulation import lacking
 from mofit.simulation.ranges import scaled, with_parameters
@@ -113,7 +113,7 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     own = [name for name in names if name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
     chosen, left_out = [], {}
-    for name in (*(only or effect_names()), *own):
+    for name in (*(only or (*effect_names(), *drifts_of(model))), *own):
         effect = find_effect(name).for_tests(stated_conditions(campaign))
         present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
         reason = "the model has it already" if present else incompatibility(effect, model)

@@ -13,8 +13,9 @@ from mofit.diagnosis.effect_size import parameters_of, size_of
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.refit import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.residual_map import ResidualMap
-from mofit.diagnosis.sentences import cause, left_over, nearest, rig_and_model, unexplained
+from mofit.diagnosis.sentences import cause, left_over, nearest, refuted, rig_and_model, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.shrinkage import Share
 
 Verdict = Literal["none", "effect", "group", "several", "partly", "unknown"]
 
@@ -104,6 +105,8 @@ class Finding:
         Whether other models are indistinguishable from the best.
     removed
         Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
+    refuted
+        Whether tests left out contradict these effects, see `refutes`.
     """
 
     effects: Sequence[str]
@@ -113,6 +116,7 @@ class Finding:
     left_share: float
     doubtful: bool = False
     removed: float = 0.0
+    refuted: bool = False
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter."""
@@ -128,7 +132,20 @@ class Finding:
             return "none"
         if unexplained or not self.effects:
             return "partly" if self.effects and self.removed >= settings.partly else "unknown"
+        if self.refuted:
+            return "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
+
+
+def refutes(held_out: Share | None, left_share: float, settings: DiagnosisSettings) -> bool:
+    """Whether tests left out contradict a cause that leaves no more than noise of the tests which it was fitted to.
+
+    It must remove something of the gap there, and most of it there or in the fit.
+    """
+    if held_out is None:
+        return False
+    little = held_out.share < settings.partly and left_share > 1 - settings.partly
+    return held_out.may_be_nothing or little
 
 
 def conclude(
@@ -140,6 +157,8 @@ def conclude(
     ignored: float = 0.0,
     share: float | None = None,
     removed: float = 0.0,
+    held_out: Share | None = None,
+    rivals: Sequence[CandidateModel] = (),
 ) -> Conclusion:
     """Draw the conclusion from the gap before and after the best model.
 
@@ -151,11 +170,16 @@ def conclude(
         What the final estimates leave of the gap's mean square; the verdict on a main cause rests on it.
     removed
         See `Finding`.
+    held_out
+        Share of the gap that the best model removes on tests left out in turn.
+    rivals
+        Models of other causes that explain about as much as the best, a main cause.
     """
     best = found.best
     several = len(best.effects) > 1
     limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
-    equal = tuple(one for one in found.models if one.effects and one.criterion < limit)
+    like_best = {id(one) for one in rivals}
+    equal = tuple(one for one in found.models if one.effects and (one.criterion < limit or id(one) in like_best))
     left_of_peak, left_share = _left(found, before, after, settings)
     doubtful = doubtful_effects([one.effects for one in equal])
     finding = Finding(
@@ -167,17 +191,22 @@ def conclude(
         left_share=share if removed and share is not None else left_share,
         doubtful=bool(doubtful),
         removed=removed,
+        refuted=refutes(held_out, left_share, settings),
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)
-    missed = verdict in ("partly", "unknown")
+    missed = verdict in ("partly", "unknown") or bool(rivals)
     weights = probabilities_of_causes(found.models, found.baseline) if missed else probabilities(found.models)
     if verdict == "none":
         return Conclusion("none", "No gap: the residual is noise.", (), (), (), share, tuple(weights))
     effects = _named_effects(found.models, equal, weights)
     laws = [(one.family, one.title) for one in effects if one.name in best.effects]
     if verdict == "unknown":
-        near = nearest([title for _, title in laws], share) if laws else unexplained(found.best_residuals, after.unit)
+        titles = [title for _, title in laws]
+        if finding.refuted and held_out is not None:
+            near = refuted(titles, held_out)
+        else:
+            near = nearest(titles, share) if laws else unexplained(found.best_residuals, after.unit)
         sentence = f"None of the known effects explains the gap{near}."
     else:
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]

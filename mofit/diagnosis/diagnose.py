@@ -15,7 +15,7 @@ from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
 from mofit.diagnosis.integration import SimulatorCache
-from mofit.diagnosis.main_cause import Case, investigate, main_causes, stands_out
+from mofit.diagnosis.main_cause import Case, investigate, main_causes, rivals, stands_out
 from mofit.diagnosis.measured_shrinkage import measured_shrinkage
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
@@ -160,10 +160,15 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
     removed = alike.share if alike else 0.0
     if len(observed.problem.tests) < 2:  # what the fit to it leaves must do
         removed = 1 - share_left(found.best.fitted, found.baseline)
-    if not (case.is_main and stands_out(found, case.settings)):
-        removed = 0.0
+    main = case.is_main and stands_out(found, case.settings)
+    near = rivals(found, case.settings) if main else ()
+    removed = removed if main else 0.0
     before, after, rules = case.before, case.after, case.settings
-    conclusion = conclude(found, before, after, rules, ignored=case.ignored, share=share, removed=removed)
+    conclusion = conclude(
+        found, before, after, rules, ignored=case.ignored, share=share, removed=removed, held_out=alike, rivals=near
+    )
+    if shrinkage and conclusion.verdict == "unknown":
+        shrinkage, reason = None, "tests left out contradict the nearest of the known effects"
     return _Ending(found, conclusion, shrinkage, reason)
 
 
@@ -176,12 +181,13 @@ def _graded(
     progress: Progress,
 ) -> tuple[Case, _Ending]:
     """The case with its ending; where it explains the gap by nothing, that of a main cause if there is one."""
-    if first.conclusion.verdict == "unknown":
+    whole = _ending(first, observed, records, seed, progress)
+    if whole.conclusion.verdict == "unknown":
         for case in main_causes(first, effects, seed, progress):
             ending = _ending(case, observed, records, seed, progress)
             if ending.conclusion.verdict != "unknown":
                 return case, ending
-    return first, _ending(first, observed, records, seed, progress)
+    return first, whole
 
 
 def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Progress) -> Proposal | str:

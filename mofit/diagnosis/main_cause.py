@@ -9,7 +9,7 @@ from mofit.diagnosis.candidates import Candidate, prepare
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit_baseline
 from mofit.diagnosis.model_search import Attribution, attribute
-from mofit.diagnosis.refit import CandidateModel, share_left
+from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
@@ -99,10 +99,28 @@ def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Prog
 
 
 def stands_out(found: Attribution, settings: DiagnosisSettings) -> bool:
-    """Whether the best model explains most of the gap, and any other without one of its causes far less."""
+    """Whether the best model explains most of the gap, and any other without one of its causes far less.
+
+    Of single causes others may explain about as much if that is most of the gap, too: a cause that is more probable
+    than all of them together stands out with them as its `rivals`.
+    """
     best, baseline = found.best, found.baseline
-    left = share_left(best.fitted, baseline)
     others = [one for one in found.models if not best.families <= one.families]
-    if not others or left > 1 - settings.partly:
+    if not others or share_left(best.fitted, baseline) > 1 - settings.partly:
         return False
-    return settings.dominance * left < min(share_left(one.fitted, baseline) for one in others)
+    near = rivals(found, settings)
+    if not near or len(best.effects) > 1:
+        return not near
+    if max(share_left(one.fitted, baseline) for one in near) > 1 - settings.partly:
+        return False
+    weights = probabilities_of_causes(found.models, baseline)
+    own = sum(weight for weight, one in zip(weights, found.models, strict=True) if best.families <= one.families)
+    return bool(own > 0.5)
+
+
+def rivals(found: Attribution, settings: DiagnosisSettings) -> tuple[CandidateModel, ...]:
+    """Models without one of the best model's causes that leave not much more than it does."""
+    best, baseline = found.best, found.baseline
+    limit = settings.dominance * share_left(best.fitted, baseline)
+    others = [one for one in found.models if not best.families <= one.families]
+    return tuple(one for one in others if share_left(one.fitted, baseline) <= limit)

@@ -11,6 +11,7 @@ from scipy.special import gammaln
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.gap_lines import beyond_noise
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
 from mofit.diagnosis.scoped_starts import with_best_values
@@ -77,8 +78,7 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     chosen = len(model.effects)
     rows = int(model.observed.explainable.sum())
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
-    value = float(fitted.residual @ fitted.residual)
-    return CandidateModel(fitted, value + _price(model, rows) + 2 * float(choices))
+    return CandidateModel(fitted, float(fitted.residual @ fitted.residual) + _price(model, rows) + 2 * float(choices))
 
 
 def _price(model: Hypothesis, rows: int) -> float:
@@ -293,7 +293,7 @@ def share_left(best: Fitted, baseline: Fitted) -> float:
         observed = fitted.hypothesis.observed
         told = observed.told(fitted.residual[: len(observed.measured)])
         squares = (told**2 - observed.noise_share * observed.visible) * observed.told_variance
-        return float(squares[observed.explainable].sum())
+        return float(squares @ beyond_noise(observed, squares))
 
     left, whole = gap(best), gap(baseline)
     return float(np.clip(left / whole, 0.0, 1.0)) if whole > 0 else 0.0

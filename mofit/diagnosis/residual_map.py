@@ -9,6 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.gap_lines import beyond_noise
 from mofit.diagnosis.residual_tests import Remainder
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -94,9 +95,9 @@ class TimeMap:
 class ResidualMap:
     """The gap of one fitted hypothesis, located.
 
-    ``squares`` is the mean square of the gap per test (negative by chance where there is none), ``peaks`` the largest
-    deviation of the output from its mean. With several outputs all are relative to the range of each, and a test has
-    the sum of the squares and the smallest of the peaks.
+    ``squares`` is the mean square of the gap per test, on the lines of `gap_lines.beyond_noise` (negative by chance);
+    ``peaks`` the largest deviation of the output from its mean. With several outputs all are relative to the range of
+    each, and a test has the sum of the squares and the smallest of the peaks.
     """
 
     unit: str
@@ -170,14 +171,14 @@ def residual_map(fitted: Fitted) -> ResidualMap:
             )
     kept = np.where(observed.explainable, left.told, 0.0)
     gaps = [w.signal(kept[observed.record == i]) / observed.sizes[i] for i, (_, _, w) in enumerate(observed.records)]
-    totals = [float(squares[observed.explainable & (observed.test == t)].sum()) for t in range(len(tests))]
+    totals = np.bincount(observed.test, squares * beyond_noise(observed, squares), len(tests))
     of_test = [
         [peak for (k, _, _), peak in zip(observed.records, peaks, strict=True) if k == t] for t in range(len(tests))
     ]
     return ResidualMap(
         observed.unit,
         tuple(entries),
-        dict(zip(tests, totals, strict=True)),
+        dict(zip(tests, map(float, totals), strict=True)),
         dict(zip(tests, map(min, of_test), strict=True)),
         _input_map(observed, gaps),
         tuple(_time_maps(observed, gaps)),

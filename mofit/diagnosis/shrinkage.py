@@ -86,6 +86,11 @@ class Share:
     hold_outs: tuple[HoldOut, ...]
 
     @property
+    def may_be_nothing(self) -> bool:
+        """Whether nothing may be removed, although every fit holds."""
+        return self.low <= 0 and not any(one.ran_away for one in self.hold_outs)
+
+    @property
     def place(self) -> str:
         """Where the gap shrinks so far, in words."""
         return _PLACES[self.kind]

@@ -2,6 +2,7 @@
 
 from mofit.models.effect import Addition, Effect, Scaling, incompatibility, with_effects
 from mofit.models.model import TARGET_UNIT, Applied, Channel, Condition, Equations, MaxwellBranch, Model, Stage, Symbols
+from mofit.models.part_drift import drifts_of
 from mofit.models.registry import default_model, effect_names, find_effect, find_model, model_names
 from mofit.models.system import System, build_system
 
@@ -21,6 +22,7 @@ __all__ = [
     "System",
     "build_system",
     "default_model",
+    "drifts_of",
     "effect_names",
     "find_effect",
     "find_model",

@@ -17,6 +17,7 @@ from mofit.errors import InputError, did_you_mean, raise_errors
 from mofit.models.effect import Effect
 from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
+from mofit.models.part_drift import DRIFT_PREFIX, PartDrift
 from mofit.models.users_code import users_code
 
 T = TypeVar("T", Model, Effect)
@@ -49,17 +50,24 @@ def find_model(reference: str) -> Model:
 def find_effect(reference: str) -> Effect:
     """The shipped effect of that name, or the user's own from ``path/to/file.py:Name``.
 
-    ``start:STATE`` makes the initial value of a state a parameter (`mofit.models.initial_state`).
+    ``start:STATE`` makes the initial value of a state a parameter (`mofit.models.initial_state`), and ``drift:NAME``
+    lets a part or a parameter of a model drift (`mofit.models.part_drift`).
 
     Raises
     ------
     InputError
         If there is none (names the closest one), or with everything that the user's own lacks.
     """
-    starts = reference.startswith(PREFIX)
-    effect = InitialState(reference.removeprefix(PREFIX)) if starts else _find(reference, Effect)
+    effect = _find_effect(reference)
     raise_errors(effect.issues())
     return effect
+
+
+def _find_effect(reference: str) -> Effect:
+    for prefix, kind in ((PREFIX, InitialState), (DRIFT_PREFIX, PartDrift)):
+        if reference.startswith(prefix):
+            return kind(reference.removeprefix(prefix))
+    return _find(reference, Effect)
 
 
 def default_model(channels: Iterable[str]) -> Model:

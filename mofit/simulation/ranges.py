@@ -43,12 +43,22 @@ def scaled(item: Ranged, scales: Mapping[str, float]) -> Ranged:
     A parameter that grows with something unknown keeps its own.
     """
     parameters = tuple(
-        parameter.times(float(np.prod([scales[name] ** power for name, power in parameter.scales])))
-        if parameter.scales and all(name in scales for name, _ in parameter.scales)
-        else parameter
+        parameter if (factor := _factor(parameter, scales)) is None else parameter.times(factor)
         for parameter in item.parameters
     )
     return item if parameters == tuple(item.parameters) else with_parameters(item, parameters)
+
+
+def _factor(parameter: Parameter, scales: Mapping[str, float]) -> float | None:
+    """By how much the ranges of a parameter grow; None if nothing is known of it."""
+    found = [(_known(name, scales), power) for name, power in parameter.scales]
+    sizes = [scale**power for scale, power in found if scale is not None]
+    return float(np.prod(sizes)) if sizes and len(sizes) == len(found) else None
+
+
+def _known(name: str, scales: Mapping[str, float]) -> float | None:
+    """The scale of the first channel that is known, of ``"one or another"``."""
+    return next((scales[one] for one in name.split(" or ") if one in scales), None)
 
 
 def with_parameters(item: Ranged, parameters: tuple[Parameter, ...]) -> Ranged:

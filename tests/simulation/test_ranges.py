@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from mofit.data import Campaign, Experiment, Measurement, read_campaign
 from mofit.data.campaign_file import bundled_campaign
-from mofit.models import effect_names, find_effect, find_model, incompatibility, model_names, with_effects
+from mofit.models import drifts_of, effect_names, find_effect, find_model, incompatibility, model_names, with_effects
 from mofit.problem import build_problem
 from mofit.simulation.ranges import data_scales, scaled
 
 GENERAL = [name for name in model_names() if "force" in find_model(name).typical]
 EFFECTS = [n for n in effect_names() if incompatibility(find_effect(n), find_model(GENERAL[0])) is None]
+EFFECTS += drifts_of(find_model("kelvin_voigt_damper"))
 TIME = np.arange(0, 2, 0.01)
 DRIVE = np.sin(2 * np.pi * 1.5 * TIME) + 0.3 * np.sin(2 * np.pi * 4.0 * TIME)
 
@@ -85,3 +86,21 @@ def test_ranges_of_a_tyre_grow_with_its_load():
     lorry = replace(bundled, measurements=heavy)
     for before, after in zip(tyre.parameters, scaled(tyre, data_scales(tyre, lorry)).parameters, strict=True):
         assert after == (before if before.name in ("s_M", "p_y") else before.times(10.0))
+
+
+def test_the_range_of_a_play_grows_with_the_input_that_it_acts_on():
+    play, bundled = find_effect("backlash"), read_campaign(bundled_campaign())
+    tyre, damper = find_model("maxwell_tyre"), find_model("kelvin_voigt_damper")
+    wide = tuple(
+        replace(m, experiment=replace(m.experiment, inputs={**m.experiment.inputs, "slip_angle": 5 * angle}))
+        for m in bundled.measurements
+        if (angle := m.experiment.inputs.get("slip_angle")) is not None
+    )
+    few = replace(bundled, measurements=tuple(m for m in bundled.measurements if "slip_angle" in m.experiment.inputs))
+    (narrow,), (far,) = (
+        scaled(play, data_scales(tyre, one)).parameters for one in (few, replace(few, measurements=wide))
+    )
+    assert far.upper == pytest.approx(5 * narrow.upper)
+    strokes = [campaign(damper, {"force": 2.0, "displacement": stroke}) for stroke in (0.01, 0.1)]
+    (short,), (long,) = (scaled(play, data_scales(damper, one)).parameters for one in strokes)
+    assert long.upper == pytest.approx(10 * short.upper)

@@ -10,6 +10,8 @@ from mofit.parameters import Parameter, powers
 
 #: how forces and lengths grow with the data of a damper
 FORCE, STROKE = powers(force=1), powers(displacement=1)
+#: and what is in the unit of the input that a play acts on
+INPUT = (("slip_angle or displacement", 1.0),)
 
 #: time constant with which the state of a play follows its signal, in sampling intervals; it matters only where the
 #: signal turns
@@ -176,7 +178,7 @@ class Backlash(Effect):
     # 0.03 degrees; half a millimetre
     parameters = (
         Parameter(
-            "b_0", TARGET_UNIT, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0, scales=STROKE
+            "b_0", TARGET_UNIT, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0, scales=INPUT
         ),
     )
     states = (

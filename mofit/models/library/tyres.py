@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import casadi as ca
 
 from mofit.models.library.steady_state import (
@@ -75,7 +77,7 @@ class Tyre(Model):
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)
     conditions = ROLLING_CONDITIONS
-    typical = TYPICAL_LOAD
+    typical = MappingProxyType({**TYPICAL_LOAD, "slip_angle": 0.1})
     excitations = ("ramp", "sine", "chirp", "multisine", "free")
     stages = (
         Stage("steady_state", "steady state", "tmeasy_curve", ("step",), settled=True),
