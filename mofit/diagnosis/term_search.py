@@ -21,6 +21,8 @@ from mofit.errors import InputError
 #: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
 #: best, as a strong term bends its own direction; and most of all.
 _PREDICTING, _FITTING, _MOST_FITS = 3, 1, 8
+#: Most quantities for which terms with memory are tried: those on which a term without one predicts best.
+_QUANTITIES = 3
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
 
@@ -63,8 +65,9 @@ def searched(start: Fitted, least: float) -> Trial:
     best = Trial(start, None, prediction_errors(start))
     signals = inner_signals(start)
     targets, variables = signals.targets(), signals.variables()
+    targets = _likely(best, targets, variables, least)
     while best.terms < MOST_TERMS:
-        columns = [_columns(best, target, variables) for target in targets]
+        columns = [_columns(best, target, _blocks(best, variables)) for target in targets]
         promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
         # of equals the first counts: the first quantity, and the shortest text
         promising.sort(key=lambda one: (targets.index(one.target), sum(term.form.length for term in one.terms)))
@@ -78,6 +81,15 @@ def searched(start: Fitted, least: float) -> Trial:
             break
         best, targets = chosen, [chosen.effect.target]
     return _pruned(start, best, least)
+
+
+def _likely(best: Trial, targets: Sequence[Target], variables: Sequence[Variable], least: float) -> list[Target]:
+    """The quantities on which a term without memory predicts best, in their order: those with memory are dear."""
+    if len(targets) <= _QUANTITIES:
+        return list(targets)
+    columns = [_columns(best, target, [static_terms(variables)]) for target in targets]
+    errors = [min((one.error for one in selections(best.fitted, own, least, 1)), default=np.inf) for own in columns]
+    return [targets[k] for k in sorted(np.argsort(errors, kind="stable")[:_QUANTITIES])]
 
 
 def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
@@ -106,16 +118,22 @@ def simplest(trials: Sequence[Trial], least: float) -> Trial:
     return ranked[fewest(np.array([one.errors for one in ranked]), least)]
 
 
-def _columns(best: Trial, target: Target, variables: Sequence[Variable]) -> Columns:
+def _blocks(best: Trial, variables: Sequence[Variable]) -> list[list[Term]]:
+    """The terms, those of one block together: without memory, and with one of the same time constant or length."""
+    records = [w for _, _, w in best.fitted.hypothesis.observed.records]
+    shortest = 2 * min(w.step for w in records)
+    longest = 0.5 * float(np.median([w.step * w.count for w in records]))
+    memory, hysteresis = memory_terms(variables, shortest, longest), hysteresis_terms(variables)
+    return [static_terms(variables), *memory, *hysteresis]
+
+
+def _columns(best: Trial, target: Target, blocks: Sequence[list[Term]]) -> Columns:
     """What every term would add to the outputs, beside those that are there."""
     model = best.fitted.hypothesis
     # the terms act in the dynamic tests: the stages stay as they are
     alone = replace(best.fitted, hypothesis=replace(model, observed=replace(model.observed, calibrations=())))
-    records = [w for _, _, w in model.observed.records]
-    shortest = 2 * min(w.step for w in records)
-    longest = 0.5 * float(np.median([w.step * w.count for w in records]))
     terms, rows = [], []
-    for own in (static_terms(variables), *memory_terms(variables, shortest, longest), *hysteresis_terms(variables)):
+    for own in blocks:
         found = prepare(alone, block(target, own), model.effects)
         terms += own
         rows.append(found.sensitivities[0][: len(model.observed.measured)])

@@ -68,7 +68,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
     number = fewest(errors, least)
     every = _path(total, total, free, most)
 
-    def selection(step: _Step, error: float) -> Selection:
+    def selection(step: _Chosen, error: float) -> Selection:
         return Selection(
             columns.target,
             tuple(columns.terms[usable[k]] for k in step.chosen),
@@ -83,7 +83,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
     forms: dict[str, int] = {}
     for k in np.argsort(singles, kind="stable"):
         forms.setdefault(columns.terms[usable[k]].title, int(k))
-    found += [selection(_added(every[0], k, total, total), float(singles[k])) for k in forms.values()]
+    found += [selection(_alone(every[0], k, total), float(singles[k])) for k in forms.values()]
     return sorted(found, key=lambda one: one.error)
 
 
@@ -108,16 +108,21 @@ def fewest(errors: FloatArray, least: float) -> int:
 
 
 @dataclass(frozen=True)
-class _Step:
-    """A step of forward selection.
-
-    Columns chosen so far, the least-squares solution (d + K,) with them, the squares left of the held fold, those left
-    with one more column, (K,), and the elimination that leads to the next step.
-    """
+class _Chosen:
+    """Columns chosen, the least-squares solution (d + K,) with them, and the squares left of the held fold."""
 
     chosen: tuple[int, ...]
     solution: FloatArray
     error: float
+
+
+@dataclass(frozen=True)
+class _Step(_Chosen):
+    """A step of forward selection.
+
+    The squares left of the held fold with one more column, (K,), and the elimination that leads to the next step.
+    """
+
     singles: FloatArray
     turned: FloatArray
     left: FloatArray
@@ -149,6 +154,12 @@ def _added(step: _Step, k: int, train: FloatArray, held: FloatArray) -> _Step:
     share = step.left[k] / step.left[k, k]
     share[k] = 0.0
     return _step((*step.chosen, k), step.turned - np.outer(step.turned[:, k], share), train, held)
+
+
+def _alone(first: _Step, k: int, held: FloatArray) -> _Chosen:
+    """One column beside the parameters: as the step after it, but without what leads on."""
+    last = first.turned[:, -1] - first.turned[:, k] * first.left[k, -1] / first.left[k, k]
+    return _Chosen((k,), -last[:-1], float(last @ held @ last))
 
 
 def _step(chosen: tuple[int, ...], turned: FloatArray, train: FloatArray, held: FloatArray) -> _Step:
