@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from mofit.data import Campaign, Experiment, Measurement, read_campaign
 from mofit.data.campaign_file import bundled_campaign
 from mofit.models import drifts_of, effect_names, find_effect, find_model, incompatibility, model_names, with_effects
+from mofit.parameters import PER_CAMPAIGN
 from mofit.problem import build_problem
-from mofit.simulation.ranges import data_scales, scaled
+from mofit.simulation.ranges import data_scales, scaled, with_parameters
 
 GENERAL = [name for name in model_names() if "force" in find_model(name).typical]
 EFFECTS = [n for n in effect_names() if incompatibility(find_effect(n), find_model(GENERAL[0])) is None]
@@ -34,7 +35,10 @@ def campaign(model, sizes, second=1.0):
 
 def responses(model, sizes, second, u):
     data = campaign(model, sizes, second)
-    problem = build_problem(scaled(model, data_scales(model, data)), data)
+    own = scaled(model, data_scales(model, data))
+    # the response to a point is asked for: no value per test is fitted along
+    shared = with_parameters(own, tuple(replace(one, per=PER_CAMPAIGN) for one in own.parameters))
+    problem = build_problem(shared, data)
     return problem.simulate(u)[0][..., 0]
 
 
