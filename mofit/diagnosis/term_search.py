@@ -23,6 +23,8 @@ from mofit.errors import InputError
 _PREDICTING, _FITTING, _MOST_FITS = 3, 1, 8
 #: Most quantities for which terms with memory are tried: those on which a term without one predicts best.
 _QUANTITIES = 3
+#: Most numbers in the rows of all terms for memory times other signals to be tried: 24 MB.
+_NUMBERS = 3e6
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
 
@@ -124,7 +126,10 @@ def _blocks(best: Trial, variables: Sequence[Variable]) -> list[list[Term]]:
     shortest = 2 * min(w.step for w in records)
     longest = 0.5 * float(np.median([w.step * w.count for w in records]))
     memory, hysteresis = memory_terms(variables, shortest, longest), hysteresis_terms(variables)
-    return [static_terms(variables), *memory, *hysteresis]
+    blocks = [static_terms(variables), *memory, *hysteresis]
+    if sum(map(len, blocks)) * len(best.fitted.residual) <= _NUMBERS:
+        return blocks
+    return [[one for one in own if one.y in (None, one.x) or not one.form.drives] for own in blocks]
 
 
 def _columns(best: Trial, target: Target, blocks: Sequence[list[Term]]) -> Columns:
