@@ -110,6 +110,7 @@ def run_measured(data: Path, seed: int, work: Path, time: float, digest: str) ->
     if not path.exists():
         command = [str(other_rigs.CHILD), name, "--work", str(work), "--model", model, "--seed", str(seed)]
         code, cpu = _ran(command, folder, time)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(row_of(work, name, code, cpu)), encoding="utf-8")
     mofit = json.loads(path.read_text(encoding="utf-8"))
     return {"mofit": mofit, **_peers(name, model, seed, work, time, digest)}
