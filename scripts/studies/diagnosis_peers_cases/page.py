@@ -16,7 +16,7 @@ from report_page import header, made_with, table
 READING = (
     "Where peers are better: a Gaussian process corrects a static stranger that mofit only refuses (bump stop, "
     "amplifier knee), and needs no library; SINDy and FROLS correct a damping of power 1.5 more closely than mofit's "
-    "nearest law; on the joint under sines without an effect mofit alone, beside the test of whiteness, sees a gap. "
+    "nearest law. "
     "Where they are not: a static process removes little in rigs with a resonance, and what is sparse in a training "
     "test may fail on another kind of record. None of them tells a drift, which needs the time of the campaign. "
     "The test of whiteness takes coloured noise for a gap; the linear test of independence misses what shows in "
