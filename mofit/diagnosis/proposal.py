@@ -17,7 +17,7 @@ from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.term_search import Trial, estimated, searched, simplest
-from mofit.diagnosis.term_selection import noise_squares, prediction_errors
+from mofit.diagnosis.term_selection import noise_of_folds, prediction_errors
 from mofit.diagnosis.terms import TermEffect
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.models import TARGET_UNIT
@@ -129,7 +129,7 @@ def propose(
     )
     starts = [_again(one, noisy) for one in (baseline, main) if one is not None]
     nothing, trials = prediction_errors(starts[0]), list[Trial]()
-    noise = np.minimum(noise_squares(noisy), nothing)  # of a short record it may be overestimated
+    noise = np.minimum(noise_of_folds(noisy), nothing)  # of a short record it may be overestimated
     tests = len(noisy.problem.tests)
     least = rules.residual_share * float((nothing - noise).sum())
     if not least > 0:
@@ -203,7 +203,7 @@ def _of_parts(baseline: Fitted, best: Trial, proposal: Callable[..., Proposal]) 
     if any(w.periods for _, _, w in observed.records):
         return "there is only one test, and it repeats: nothing can be left out"
     before, after = prediction_errors(baseline), best.errors
-    noise = np.minimum(noise_squares(observed), before)
+    noise = np.minimum(noise_of_folds(observed), before)
     before, after = before - noise, after - noise
     if np.any(after > before + noise):
         return "the best term makes a part of the record worse where left out"

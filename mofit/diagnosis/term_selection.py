@@ -188,7 +188,7 @@ def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArr
     return found if tests > 1 else found[1:], found.sum(axis=0)
 
 
-def noise_squares(observed: WhitenedData) -> FloatArray:
+def noise_of_folds(observed: WhitenedData) -> FloatArray:
     """Squares of the noise in the metric of `fold_products`, (folds,)."""
     share = observed.explainable * observed.noise_share * observed.variance
     tests = len(observed.problem.tests)
