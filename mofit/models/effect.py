@@ -35,6 +35,8 @@ class Effect(ABC):
         first output, ``"rate of NAME"`` the derivative of its state.
     needs
         Names of the model that `apply` reads beside the target; ``"one or another"`` where either will do.
+    unless
+        Names of quantities: for a model that has one of them, other effects say the same more closely.
     parameters, states
         The effect's own. The unit `TARGET_UNIT` means that of the target; ``"unit of NAME"`` that of a channel.
     inputs, conditions
@@ -52,6 +54,7 @@ class Effect(ABC):
     family: str = ""
     on: tuple[str, ...]
     needs: tuple[str, ...] = ()
+    unless: tuple[str, ...] = ()
     parameters: tuple[Parameter, ...] = ()
     states: tuple[Channel, ...] = ()
     inputs: tuple[Channel, ...] = ()
@@ -219,6 +222,9 @@ def target_of(effect: Effect, model: Model) -> str:
     known = {*targets, *(state.name for state in model.states)}
     if missing := [entry for entry in effect.needs if not known & set(entry.split(" or "))]:
         raise InputError.of(where, f"needs {', '.join(missing)}, {lacking}", did_you_mean(missing[0], known))
+    if closer := known & set(effect.unless):
+        message = f"is for models without {', '.join(closer)}"
+        raise InputError.of(where, message, "Name an effect of the same family that acts there")
     return target
 
 
