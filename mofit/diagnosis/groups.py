@@ -9,7 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.simulation import first_input
+from mofit.simulation import exciting_channel
 
 #: Tests from here on up to the largest value are one group: half the power of an amplitude (3 dB), half an octave of a
 #: frequency. So every group holds a test with twice the power, or half an octave above, of any that is fitted.
@@ -61,13 +61,11 @@ def _largest(values: FloatArray) -> tuple[int, ...]:
 
 
 def _amplitude_and_frequency(observed: WhitenedData, test: int) -> tuple[float, float]:
-    """Of the main input over the samples used: half its range, and the mean frequency of its power; nan without one."""
-    problem, name = observed.problem, first_input(observed.problem.model)
+    """Of what excites a test, over the samples used: half its range, and the mean frequency of its power."""
+    problem = observed.problem
     used = next(w for number, _, w in observed.records if number == test)
     measurement = problem.measurements[test]
-    if name not in {**measurement.experiment.inputs, **measurement.outputs}:
-        return np.nan, np.nan
-    values = measurement.channel(name)[used.start : used.start + used.count]
+    values = measurement.channel(exciting_channel(problem.model, measurement))[used.start : used.start + used.count]
     power = np.abs(np.fft.rfft(values - values.mean())) ** 2
     frequency = float(power @ used.frequencies / power.sum()) if power.sum() > 0 else np.nan
     return 0.5 * float(np.ptp(values)), frequency

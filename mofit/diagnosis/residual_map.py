@@ -14,7 +14,7 @@ from mofit.diagnosis.residual_tests import Remainder
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.results import cochran
-from mofit.simulation import first_input
+from mofit.simulation import exciting_channel
 
 #: Cells of the map over input and rate, each way, and intervals of a record in the map over time.
 _CELLS, _INTERVALS = 12, 10
@@ -186,11 +186,13 @@ def residual_map(fitted: Fitted) -> ResidualMap:
 
 
 def _input_map(observed: WhitenedData, gaps: Sequence[FloatArray]) -> InputMap:
-    """Mean gap per cell; its standard error from the noise on the same lines."""
-    driver = first_input(observed.problem.model)
-    columns = []
-    for (test, _, w), size, gap in zip(observed.records, observed.sizes, gaps, strict=True):
-        values = observed.problem.measurements[test].channel(driver)[w.start : w.start + w.count]
+    """Mean gap per cell, over the tests excited as the first; its standard error from the noise on the same lines."""
+    problem, columns = observed.problem, []
+    exciting = [exciting_channel(problem.model, problem.measurements[test]) for test, _, _ in observed.records]
+    for (test, _, w), size, gap, name in zip(observed.records, observed.sizes, gaps, exciting, strict=True):
+        if name != exciting[0]:
+            continue
+        values = problem.measurements[test].channel(name)[w.start : w.start + w.count]
         noise = np.full(w.count, np.mean(w.process.spectrum) / size**2)
         columns.append([values, np.gradient(values, w.step), np.ones(w.count), gap, noise])
     x, v, *weights = np.concatenate(columns, axis=1)

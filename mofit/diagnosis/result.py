@@ -19,7 +19,7 @@ from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.shrinkage import Share, Shrinkage
 from mofit.diagnosis.term_curve import term_curves
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.simulation import first_input
+from mofit.simulation import exciting_channel
 
 SCHEMA = "mofit.diagnosis/2"
 #: Samples that are drawn of a test that does not repeat.
@@ -259,13 +259,12 @@ def _maps(located: ResidualMap) -> dict[str, Any]:
 
 
 def _records(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
-    """Input, measured and simulated output of every record: its last period, or the end of it."""
+    """What excites every record, measured and simulated output: its last period, or the end of it."""
     observed, found = diagnosis.observed, diagnosis.attribution
     before, after = (one.hypothesis.outputs(one.minimum.point[None]) for one in (found.baseline, found.best.fitted))
-    name = first_input(observed.problem.model)
-    driver = observed.problem.model.inputs[0]
     for test, output, w in observed.records:
         measurement, channel = observed.problem.measurements[test], observed.problem.model.outputs[output]
+        name = exciting_channel(observed.problem.model, measurement)
         length = round(w.period / w.step) + 1 if w.periods else _MOST_SAMPLES
         stop = w.start + w.count
         cut = slice(max(stop - length, w.start), stop)
@@ -274,7 +273,7 @@ def _records(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
             "kind": measurement.kind,
             "frequency": 1 / w.period if w.periods else None,
             "input_name": name.replace("_", " "),
-            "input_unit": measurement.units.get(name, driver.unit),
+            "input_unit": measurement.units[name],
             "output_name": channel.name.replace("_", " "),
             "output_unit": channel.unit,
             "time": measurement.time[cut],

@@ -19,7 +19,7 @@ from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
-from mofit.simulation import first_input
+from mofit.simulation import exciting_channel
 from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Relative singular value below which a combination of columns is none.
@@ -229,18 +229,18 @@ def whiten(
 
     ``known`` is the noise of records that do not repeat, by indices of test and output.
     """
-    driver = first_input(problem.model)
     records, measured, noise, phase, classes = [], [], [], [], []
     for test, (measurement, analysis, experiment) in enumerate(
         zip(problem.measurements, problem.signals, problem.experiments, strict=True)
     ):
         orders = rotational_orders(measurement)
+        exciting = measurement.channel(exciting_channel(problem.model, measurement))
         for output in experiment.fitted:
             channel = problem.model.outputs[output]
             values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
             noise_sd, process = analysis.noise_sd[channel.name], known.get((test, output))
             w = whitening(values, used, experiment.step, analysis, noise_sd, process)
-            excitation = measurement.channel(driver)[w.start : w.start + w.count]
+            excitation = exciting[w.start : w.start + w.count]
             phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
             records.append((test, output, w))
             measured.append(w.rows(values[:, None])[:, 0])

@@ -28,6 +28,13 @@ def first_input(model: Model) -> str:
     return derivations(model.inputs)[model.inputs[0].name][0]
 
 
+def exciting_channel(model: Model, measurement: Measurement) -> str:
+    """Name of the channel that excites a test: the model's first input, or the response itself of a free decay."""
+    if undriven(model, measurement.experiment):
+        return measured_outputs(model, measurement)[0]
+    return first_input(model)
+
+
 def derived_channels(model: Model) -> dict[str, dict[str, int]]:
     """Of every channel that is differentiated, the model's inputs that follow from it, with the order of each."""
     found: dict[str, dict[str, int]] = {}
