@@ -26,11 +26,14 @@ from mofit.data.signals import noise_process
 from mofit.diagnosis.spectral_classes import rotational_orders
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.diagnosis.whitening import Whitening
+from mofit.simulation.requirements import undriven
 
 #: Powers of a signal at every lag, and the number of lags.
 _POWERS, _LAGS = (1, 2, 3), 10
 #: Longest lag as a share of the shortest record: nine tenths of its samples have their past.
 _LONGEST = 0.1
+#: Half turns by which the response of a free decay may slip in a record.
+_SLIPS = 6
 #: Rounds in which prediction and noise are estimated in turn.
 _ROUNDS = 3
 #: Relative singular value below which a combination of functions is none.
@@ -127,9 +130,12 @@ def _functions(
     longest = _LONGEST * min(w.count * w.step for _, w in own)
     lags = np.concatenate([[0.0], np.geomspace(min(w.step for _, w in own), longest, _LAGS - 1)])
     scaled = [standard for group in groups if (standard := _standardised(group, own)) is not None]
+    decays = all(undriven(problem.model, each) for each in experiments)
     for place, (_, w) in enumerate(own):
         order = 2 * place / max(len(own) - 1, 1) - 1
-        yield np.concatenate([_of_signal(signals[place], w, lags, order) for signals in scaled], axis=1)
+        found = [_of_signal(signals[place], w, lags, order) for signals in scaled]
+        found += [_slipping(signals[place], w, order) for signals in scaled if decays]
+        yield np.concatenate(found, axis=1)
 
 
 def _turning(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> Iterator[FloatArray]:
@@ -149,6 +155,17 @@ def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whiten
     used = np.concatenate([one[w.start : w.start + w.count] for one, (_, w) in zip(signals, own, strict=True)])
     sd = float(used.std())
     return [(one - used.mean()) / sd for one in signals] if sd > 1e-12 * np.abs(used).max() else None
+
+
+def _slipping(signal: FloatArray, w: Whitening, order: float) -> FloatArray:
+    """The signal and its rate, slowly modulated: a free decay of another frequency slips against it by whole turns."""
+    number = np.arange(len(signal))
+    angle = np.pi * np.outer((number - w.start) / max(w.count - 1, 1), np.arange(1, _SLIPS + 1))
+    slow = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+    rate = np.gradient(signal)
+    rate /= max(float(rate.std()), np.finfo(float).tiny)
+    columns = np.concatenate([one[:, None] * slow for one in (signal, rate)], axis=1)
+    return np.concatenate([columns, order * columns], axis=1)
 
 
 def _of_signal(signal: FloatArray, w: Whitening, lags: FloatArray, order: float) -> FloatArray:

@@ -7,8 +7,8 @@ from mofit.simulation.simulator import Simulator
 __all__ = [
     "ExperimentData",
     "Simulator",
-    "experiment_data",
     "exciting_channel",
+    "experiment_data",
     "first_input",
     "lacking",
     "measured_outputs",

@@ -154,8 +154,8 @@ def main() -> None:
     parser.add_argument("--page", type=Path, default=ROOT / "reports" / "records" / "coloured_noise.md")
     args = parser.parse_args()
     args.work.mkdir(parents=True, exist_ok=True)
-    tasks = [(args.first + k, "free") for k in range(args.campaigns)]
-    tasks += [(args.first + k, "pooled") for k in range(args.pooled)]
+    counts = dict(zip(OFFSETS, (args.campaigns, args.pooled), strict=True))
+    tasks = [(args.first + k, how) for k in range(max(counts.values())) for how in OFFSETS if k < counts[how]]
     with ProcessPoolExecutor(args.parallel) as pool:
         rows = list(pool.map(partial(row, work=args.work), tasks))
     command = f"coloured_noise.py --campaigns {args.campaigns} --pooled {args.pooled} --first {args.first}"
