@@ -113,7 +113,8 @@ def identify(
             give_back()
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
-            unconverged = (f"{mode.name}: {reason}" for mode in modes for reason in mode.chains.reasons)
+            names = located.problem.space.names
+            unconverged = (text for mode in modes if (text := mode.unconverged(names)))
             result = IdentificationResult(
                 **{**vars(located), "warnings": (*located.warnings, *unconverged)},
                 findings=_findings(located, modes, settings),
