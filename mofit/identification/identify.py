@@ -25,7 +25,7 @@ from mofit.models import Model, build_system
 from mofit.report import report_beside
 from mofit.results import write_result
 from mofit.runtime.files import write_text
-from mofit.runtime.memory import give_back
+from mofit.runtime.memory import give_back, return_at_once
 from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
@@ -84,6 +84,7 @@ def identify(
         If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
     campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
+    return_at_once()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
     whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
@@ -106,11 +107,14 @@ def identify(
                 minima = adjusted_modes(located.posterior, located.minima, settings)
                 known = folder.partial / ESTIMATES_FILE
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
+            give_back()
             with timer.measure("sample"):
                 modes = sample_modes(minima, settings, folder.partial / "chains.h5", progress, until)
+            give_back()
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
-            unconverged = (f"{mode.name}: {reason}" for mode in modes for reason in mode.chains.reasons)
+            names = located.problem.space.names
+            unconverged = (text for mode in modes if (text := mode.unconverged(names)))
             result = IdentificationResult(
                 **{**vars(located), "warnings": (*located.warnings, *unconverged)},
                 findings=_findings(located, modes, settings),

@@ -15,7 +15,7 @@ from mofit.models import Model, find_model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
 from mofit.problem.pooling import hyperparameters
-from mofit.simulation import measured_outputs
+from mofit.simulation import ExperimentData, measured_outputs
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
 
@@ -37,6 +37,8 @@ class ProblemSetup:
     """A sentence per stage that had no tests, and per output that no test has."""
     leads: Mapping[str, float] = field(default_factory=dict)
     """Time that the periodic inputs of tests act on the model before the first sample, s."""
+    known: tuple[ExperimentData, ...] = ()
+    """Tests of another problem on the campaign, for `mofit.problem.build_problem`."""
 
     @cached_property
     def searched(self) -> Problem:
@@ -49,9 +51,8 @@ class ProblemSetup:
         means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
         fixed = {**known, **self.settings.fixed, **means}
         space = ParameterSpace((*self.space.subset(free).parameters, *self.fitted.parameters))
-        return build_problem(
-            self.model, self.campaign, space=space, fixed=fixed, leads=self.leads, jobs=self.settings.jobs
-        )
+        model, campaign, jobs = self.model, self.campaign, self.settings.jobs
+        return build_problem(model, campaign, space=space, fixed=fixed, leads=self.leads, known=self.known, jobs=jobs)
 
     @property
     def fitted(self) -> ParameterSpace:

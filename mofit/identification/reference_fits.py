@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from mofit.data import Campaign
-from mofit.identification.calibration import Calibration
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.result import LocalFit, Located
 from mofit.identification.result_tree.comparison import baseline_groups, per_frequency
@@ -45,7 +44,7 @@ def fit_references(
             tests = [m.name for m in main.measurements if measured_outputs(reference, m)]
             if tests:
                 # the fit itself is not kept: it goes before its stage ends
-                groups |= baseline_groups(_baseline(reference, campaign, tests, located.calibrations, settings), main)
+                groups |= baseline_groups(_baseline(reference, campaign, tests, located, settings), main)
     return groups, timer.seconds
 
 
@@ -69,7 +68,7 @@ def _each_alone(located: Located) -> dict[str, LocalFit]:
 
 
 def _baseline(
-    reference: Model, campaign: Campaign, tests: Sequence[str], done: Sequence[Calibration], settings: Settings
+    reference: Model, campaign: Campaign, tests: Sequence[str], located: Located, settings: Settings
 ) -> LocalFit:
     """The baseline model, identified in the same way."""
     names = {parameter.name for parameter in reference.parameters}
@@ -84,4 +83,5 @@ def _baseline(
         scopes={name: per for name, per in settings.scopes.items() if name in names},
         pooled=tuple(name for name in settings.pooled if name in names),
     )
-    return fit(set_up_problem(reference, campaign, own, tests, done=done))
+    setup = set_up_problem(reference, campaign, own, tests, done=located.calibrations)
+    return fit(replace(setup, known=located.searched.experiments))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from mofit._typing import FloatArray
@@ -41,6 +42,17 @@ class PosteriorMode:
     def is_sampled(self) -> bool:
         """Whether there are draws."""
         return self.chains.steps > 0
+
+    def unconverged(self, names: Sequence[str]) -> str:
+        """Why its chains have not converged, which parameter mixes worst, and what to do; empty if they have."""
+        if self.chains.converged:
+            return ""
+        text = f"{self.name}: {'; '.join(self.chains.reasons)}."
+        if not self.is_sampled:
+            return text
+        worst = names[int(np.argmax(self.chains.tau))]
+        cure = f"narrow its range (--bounds {worst}=…), fix it (--fix {worst}=…) or measure what determines it"
+        return f"{text} {worst} mixes worst: {cure} (mofit design)."
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def wider_setup(
         wider = set_up_problem(
             setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations, leads=setup.leads
         )
-        wider = replace(wider, scoped=setup.scoped)
+        wider = replace(wider, scoped=setup.scoped, known=posterior.main.experiments)
         target = wider.posterior.with_noise(noise)
         starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])

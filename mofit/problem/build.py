@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.problem.objectives import first_noise
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.problem import TOLERANCE, Problem
-from mofit.simulation import Simulator, experiment_data, first_input, measured_outputs, require
+from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs, require
 from mofit.simulation.requirements import undriven
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import Scopes, scoped
@@ -30,6 +30,7 @@ def build_problem(
     prior: GaussianPrior = FLAT,
     settled: bool = False,
     leads: Mapping[str, float] = MappingProxyType({}),
+    known: Sequence[ExperimentData] = (),
     jobs: int = 1,
 ) -> Problem:
     """Join a model and the tests of a campaign.
@@ -50,6 +51,8 @@ def build_problem(
         Use only the samples after each test's transient, periodic or not.
     leads
         Time that the periodic inputs of tests act on the model before the first sample, s.
+    known
+        Tests of another problem on the campaign: those that this one sees alike are in memory once.
     jobs
         Threads; results do not depend on it.
 
@@ -71,7 +74,7 @@ def build_problem(
     found = zip(tests, with_repeats(tests, alone, repeats), strict=True)
     signals = tuple(replace(analysis, lead=leads.get(test.name, 0.0)) for test, analysis in found)
     experiments = tuple(
-        experiment_data(model, measurement, analysis, settled)
+        _known(experiment_data(model, measurement, analysis, settled), known)
         for measurement, analysis in zip(tests, signals, strict=True)
     )
     make = partial(ScopedSimulator, scopes=Scopes.of(own, tests)) if own.names else Simulator
@@ -88,3 +91,8 @@ def build_problem(
         prior=prior,
         repeats=tuple(tuple(tests[k].name for k in group) for group in repeats),
     )
+
+
+def _known(experiment: ExperimentData, known: Sequence[ExperimentData]) -> ExperimentData:
+    """The one of the known tests that holds the same, if there is one."""
+    return next((one for one in known if one.same_data(experiment)), experiment)

@@ -99,12 +99,13 @@ def _cut(experiment: ExperimentData, outputs: FloatArray, period: float | None, 
         return experiment
     repeat, end = round(fitting[0]), used[-1] + 1
     seen = list(experiment.fitted)
-    change = (outputs - outputs[0])[..., seen]
     allowed = tolerance * np.ptp(experiment.measured[used][:, seen], axis=0)
     for start in range(0, end - 2 * repeat + 1, max(repeat // 4, 1)):
         later = np.arange(start + repeat, end)
         phase = start + (later - start) % repeat
-        if np.all(np.abs(change[:, later] - change[:, phase]) <= allowed):
+        # one set after the other: all of them are many times the record
+        changes = ((response - outputs[0])[:, seen] for response in outputs)
+        if all(np.all(np.abs(change[later] - change[phase]) <= allowed) for change in changes):
             return _folded(experiment, outputs[0], later, phase)
     return experiment
 

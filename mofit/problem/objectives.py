@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -41,11 +41,15 @@ def first_noise(
     return Noise(count, np.array(floor), count.copy())
 
 
-def independent_residuals(experiments: Sequence[ExperimentData], outputs: Sequence[FloatArray]) -> FloatArray:
-    """Independent residuals of every objective, from simulated outputs (n, ny) of every test at one point."""
+def independent_residuals(experiments: Sequence[ExperimentData], outputs: Iterable[FloatArray]) -> FloatArray:
+    """Independent residuals of every objective, from simulated outputs (n, ny) of every test at one point.
+
+    The outputs of a test are dropped before the next are asked for.
+    """
     return np.array(
         [
-            effective_samples((outputs[test] - experiments[test].measured)[experiments[test].weights[:, y] > 0, y])
-            for test, y in objective_pairs(experiments)
+            effective_samples((output - experiment.measured)[experiment.weights[:, y] > 0, y])
+            for experiment, output in zip(experiments, outputs, strict=True)
+            for y in experiment.fitted
         ]
     )

@@ -173,7 +173,10 @@ class Problem:
             for response in self.simulator.one_by_one(values, derivatives=True):
                 slopes = np.zeros((*response.shape[1:3], len(derivative)))
                 slopes[..., : response.shape[-1] - 1] = response[0, ..., 1:]
-                yield response[0, ..., 0], slopes * derivative
+                slopes *= derivative
+                output = response[0, ..., 0].copy()
+                del response  # as large as the slopes
+                yield output, slopes
 
         sums = self.sums(point[None])
         experiments = self._with_common_residuals(values)
@@ -203,7 +206,8 @@ class Problem:
 
     def with_noise_at(self, u: FloatArray) -> Problem:
         """The problem with its noise as seen at one point u (d,)."""
-        independent = independent_residuals(self.experiments, [output[0] for output in self.simulate(u[None])])
+        responses = self.simulator.one_by_one(self.layout.full(u[None]), derivatives=False)
+        independent = independent_residuals(self.experiments, (response[0, ..., 0] for response in responses))
         found = self.with_noise(self.noise.at(self.objectives(u[None])[0], independent))
         return found.pooled_at(u)
 

@@ -38,15 +38,15 @@ def score_covariance(
         Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d). Each is
         dropped before the next is asked for.
     """
-    processes, noise, lines, freedom = [], [], [], []
+    noise, lines, freedom, powers = [], [], [], list[FloatArray]()
     for experiment, period, response in zip(experiments, periods, responses, strict=True):
         for process, own in _residual_noise(experiment, period, *response):
-            processes.append(process)
+            powers.append(_line_powers(process))  # the process itself is as large as the record
             noise.append(process.score_covariance(own))
             # the gap is linear in the excess, which is known only when all tests have been seen
             lines.append([process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))])
             freedom.append(process.effective_degrees_of_freedom(own))
-    excess, gap_freedom = _gap(processes, sums.gradient.shape[-1])
+    excess, gap_freedom = _gap([own for own in powers if len(own)], sums.gradient.shape[-1])
     gap = np.einsum("e,tedf->tdf", np.array(excess), np.array(lines))
     return Score(
         slope=weights[:, None] * sums.gradient[0],
@@ -90,20 +90,23 @@ def _residual_noise(
     return pairs
 
 
-def _gap(processes: list[NoiseProcess], parameters: int) -> tuple[tuple[float, float], float]:
+def _line_powers(process: NoiseProcess) -> FloatArray:
+    """Squared amplitude, that of the noise and its degrees of freedom on fundamental and harmonics, (lines, 3)."""
+    p = process
+    return np.stack(
+        [4 / p.count * p.harmonic_power, 4 / p.count * p.spectrum[p.harmonics], p.degrees_of_freedom[p.harmonics]],
+        axis=1,
+    )
+
+
+def _gap(lines: list[FloatArray], parameters: int) -> tuple[tuple[float, float], float]:
     """Squared amplitude on the fundamental and on the harmonics beyond the noise, and the degrees of freedom behind it.
 
     Relative to the range of the output, as all residuals are, and so the same for all tests. The fit has taken up to
     one degree of freedom per parameter out of the two that each fundamental has.
+
+    ``lines`` are those of the records that have some, see `_line_powers`.
     """
-    lined = [process for process in processes if len(process.harmonics)]
-    lines = [
-        np.stack(
-            [4 / p.count * p.harmonic_power, 4 / p.count * p.spectrum[p.harmonics], p.degrees_of_freedom[p.harmonics]],
-            axis=1,
-        )
-        for p in lined
-    ]
     first = np.array([own[0] for own in lines]).reshape(-1, 3)
     higher = np.concatenate([np.empty((0, 3)), *[own[1:] for own in lines]])
     freedom = float(max(2 * len(first) - parameters, 0))

@@ -18,7 +18,7 @@ from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
 from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
 
 #: steps whose part of a table is made at once
-_PART = 50_000
+_PART = 20_000
 
 
 class Table:

@@ -138,7 +138,8 @@ class StepProbe:
     def stiffness(self, p: FloatArray) -> Stiffness:
         """The stiffness, probed at states that these parameter sets visit."""
         choice = StepChoice.everywhere(StepLevel(RODAS4, 2), len(p))
-        visited = self._stored(p, [choice] * len(self._excerpts), slice(len(self.system.outputs), None))
+        tests = range(len(self._excerpts))
+        visited = self._stored(tests, p, choice, slice(len(self.system.outputs), None))
         bounded = [self._bounded(states) for states in visited[: self.settings.probes]]
         rng = np.random.default_rng(0)
         columns = []
@@ -166,34 +167,50 @@ class StepProbe:
         Not rounded; infinite if ``most`` are too few, nan where ``skip`` is set. With the stiffness ``rate`` unstable
         steps are not tried.
         """
-        allowed = self.settings.share * tolerance
-        lengths = np.array([experiment.step for experiment in self._excerpts])
-        result = np.full((len(p), len(lengths)), np.inf)
-        active = np.ones(result.shape, dtype=bool) if skip is None else ~skip
-        result[~active] = np.nan
-        kinked = np.zeros(result.shape, dtype=bool)
-        coarse, last, steps = self._outputs(p, StepLevel(scheme, 1), active), np.full(result.shape, np.inf), 1
+        shape = len(p), len(self._excerpts)
+        tried = np.ones(shape, dtype=bool) if skip is None else ~skip
+        # one test after the other: outputs and tables of all are large
+        found = [self._needed(test, p, scheme, most, tolerance, rate, tried[:, test]) for test in range(shape[1])]
+        result, kinked = (np.stack(columns, axis=1) for columns in zip(*found, strict=True))
+        return result, kinked
+
+    def _needed(
+        self,
+        test: int,
+        p: FloatArray,
+        scheme: Scheme,
+        most: int,
+        tolerance: float,
+        rate: FloatArray | None,
+        active: NDArray[np.bool_],
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """The same on one test, (N,) each, for the sets that are ``active``."""
+        allowed, length = self.settings.share * tolerance, self._excerpts[test].step
+        result, kinked = np.where(active, np.inf, np.nan), np.zeros(len(p), dtype=bool)
+        coarse, last, steps = self._outputs(test, p, StepLevel(scheme, 1), active), np.full(len(p), np.inf), 1
         while steps <= most and active.any():
-            unstable = False if rate is None else rate[:, None] * lengths / (2 * steps) > self.settings.unstable
-            fine = self._outputs(p, StepLevel(scheme, 2 * steps), active & ~np.asarray(unstable))
-            change = np.stack([_change(a, b) for a, b in zip(coarse, fine, strict=True)], axis=1)
+            unstable = False if rate is None else rate * length / (2 * steps) > self.settings.unstable
+            fine = self._outputs(test, p, StepLevel(scheme, 2 * steps), active & ~np.asarray(unstable))
+            change = _change(coarse, fine)
             enough = active & (change <= allowed)
             order = _order(steps, change, last)
             with np.errstate(over="ignore"):  # steps that diverge
                 relative = change / allowed
             result[enough] = self._interpolated(steps, order, relative)[enough]
-            stable = False if rate is None else rate[:, None] * lengths / steps < 1
+            stable = False if rate is None else rate * length / steps < 1
             kinked[active] = ((order < self.settings.orders[0]) | stable & (order > self.settings.orders[1]))[active]
             active = active & ~enough
             coarse, last, steps = fine, change, 2 * steps
         return result, kinked
 
-    def _outputs(self, p: FloatArray, level: StepLevel, active: NDArray[np.bool_]) -> list[FloatArray]:
-        choices = [StepChoice((level,), np.where(column, 0, -1)) for column in active.T]
-        return self._stored(p, choices, slice(len(self.system.outputs)))
+    def _outputs(self, test: int, p: FloatArray, level: StepLevel, active: NDArray[np.bool_]) -> FloatArray:
+        choice = StepChoice((level,), np.where(active, 0, -1))
+        return self._stored([test], p, choice, slice(len(self.system.outputs)))[0]
 
-    def _stored(self, p: FloatArray, choices: Sequence[StepChoice], kept: slice) -> list[FloatArray]:
-        stored = self._scheduler.stored(self._excerpts, p, choices, derivatives=False, kept=kept)
+    def _stored(self, tests: Sequence[int], p: FloatArray, choice: StepChoice, kept: slice) -> list[FloatArray]:
+        """Outputs of some tests; the tables of so many steps are large, and each is needed once."""
+        excerpts, scheduler = [self._excerpts[test] for test in tests], self._scheduler.without_tables()
+        stored = scheduler.stored(excerpts, p, [choice] * len(tests), derivatives=False, kept=kept)
         return [values[..., 0] for values in stored]
 
     def _bounded(self, states: FloatArray) -> NDArray[np.intp]:

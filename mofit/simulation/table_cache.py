@@ -10,7 +10,7 @@ from weakref import WeakSet
 from mofit.simulation.kernel import Table
 
 #: bytes of tables that are kept; the usual campaign needs less
-KEPT_BYTES = 1e8
+KEPT_BYTES = 5e7
 
 _lock = Lock()
 _calls = count()

@@ -24,6 +24,8 @@ _HALVINGS = 20
 _LOOKS = 8
 #: bisections from there; to about 1e-16 of the interval
 _BISECTIONS = 48
+#: sampling intervals that are looked at together: their points take several times the memory of the samples
+_PART = 20_000
 #: systems whose switch functions are remembered
 _REMEMBERED = 256
 
@@ -122,18 +124,24 @@ def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, Flo
         unread = np.empty((0, len(time)))
         return np.sign(evaluate(program, [unread, experiment.at(time), unread, conditions]))
 
-    time = (np.arange((experiment.samples - 1) * _LOOKS + 1) / _LOOKS) * experiment.step
-    look = sides(time)
-    which, at = np.nonzero(look[:, :-1] * look[:, 1:] < 0)
-    low, high = time[at], time[at + 1]
-    column = np.arange(len(at))
-    for _ in range(_BISECTIONS if len(at) else 0):
-        middle = 0.5 * (low + high)
-        left = sides(middle)[which, column] == look[which, at]
-        low, high = np.where(left, middle, low), np.where(left, high, middle)
-    within = np.flatnonzero(np.any(look == 0, axis=0))
-    within = within[within % _LOOKS != 0]
-    return _separate(np.concatenate([low, time[within]]), np.concatenate([high, time[within]]), experiment.step)
+    def between(first: int, last: int) -> tuple[FloatArray, FloatArray]:
+        time = (np.arange(first * _LOOKS, last * _LOOKS + 1) / _LOOKS) * experiment.step
+        look = sides(time)
+        which, at = np.nonzero(look[:, :-1] * look[:, 1:] < 0)
+        low, high = time[at], time[at + 1]
+        column = np.arange(len(at))
+        for _ in range(_BISECTIONS if len(at) else 0):
+            middle = 0.5 * (low + high)
+            left = sides(middle)[which, column] == look[which, at]
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        within = np.flatnonzero(np.any(look == 0, axis=0))
+        within = within[within % _LOOKS != 0]  # both parts see their common sample, which is left out
+        return np.concatenate([low, time[within]]), np.concatenate([high, time[within]])
+
+    end = experiment.samples - 1
+    parts = [between(first, min(first + _PART, end)) for first in range(0, end, _PART)]
+    low, high = (np.concatenate(times) for times in zip(*parts, strict=True))
+    return _separate(low, high, experiment.step)
 
 
 def _separate(low: FloatArray, high: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

@@ -4,7 +4,7 @@
 
 A simulated Maxwell damper, stroked by sines with noise, is identified by one thread. A second thread looks at the
 resident memory of the process a hundred times per second. What the process held when the campaign was read is
-subtracted, with all that was free given back before; the rest is divided by the number of samples. Up to 100 MB are
+subtracted, with all that was free given back before; the rest is divided by the number of samples. Up to 50 MB are
 tables that do not grow with the data.
 """
 

@@ -12,6 +12,7 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.combinations import TOGETHER, combined
 from mofit.identification.findings import at_limits, misfit
 from mofit.identification.identify import identify
+from mofit.identification.result import PosteriorMode
 from mofit.identification.settings import Settings
 from mofit.identification.stages import locate_minima
 from mofit.identification.valleys import without_joined
@@ -20,6 +21,7 @@ from mofit.models import Channel, Equations, Model, find_model
 from mofit.optimize import merge, refine
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.results import summary
+from mofit.sampling import Chains, SampleSettings, sample_mode
 
 SINES = damper_campaign()
 
@@ -226,3 +228,22 @@ def test_what_was_widened_is_the_difference_of_two_spaces():
     (found,) = widenings(SPACE, SPACE.farther([0, 1]))
     assert (found.name, found.before, found.after) == ("b", (0.1, 10.0), (0.1, 100.0))
     assert str(found).startswith("The range of b was widened from 0.1 … 10 to 0.1 … 100 m")
+
+
+def test_a_solution_that_is_not_converged_is_named_with_the_parameter_and_a_cure():
+    width = np.array([1e-2, 1e-3])
+
+    def density(u):
+        return -0.5 * np.sum(((u - 0.5) / width) ** 2, axis=1)
+
+    def told(chains):
+        unread = dict.fromkeys(("minimum", "noise_hessian", "sampled", "evidence", "probability", "profile"))
+        return PosteriorMode(name="m2", chains=chains, **unread).unconverged(("c", "d"))
+
+    chains = sample_mode(density, np.full(2, 0.5), np.diag(width**2), 3, SampleSettings(max_steps=60))
+    text = told(replace(chains, tau=np.array([2.0, 5.0])))
+    assert text.startswith("m2: ")
+    assert "steps are fewer than 100 tau" in text
+    assert "d mixes worst: narrow its range (--bounds d=…), fix it (--fix d=…)" in text
+    assert told(replace(chains, converged=True)) == ""
+    assert told(Chains.none(2, "not sampled")) == "m2: not sampled."

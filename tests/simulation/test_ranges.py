@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mofit.data import Campaign, Experiment, Measurement, read_campaign
 from mofit.data.campaign_file import bundled_campaign
 from mofit.models import drifts_of, effect_names, find_effect, find_model, incompatibility, model_names, with_effects
-from mofit.parameters import PER_CAMPAIGN
+from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.problem import build_problem
 from mofit.simulation.ranges import data_scales, scaled, with_parameters
 
@@ -90,6 +90,71 @@ def test_ranges_of_a_tyre_grow_with_its_load():
     lorry = replace(bundled, measurements=heavy)
     for before, after in zip(tyre.parameters, scaled(tyre, data_scales(tyre, lorry)).parameters, strict=True):
         assert after == (before if before.name in ("s_M", "p_y") else before.times(10.0))
+
+
+#: effects on a tyre whose parameters are angles, forces, times and travelled lengths
+ROLLING = ["slip_offset", "contact_patch_lag", "turn_slip", "backlash", "load_coupling", "steering_compliance"]
+ROLLING += ["force_offset", "delay", "sensor_lowpass", "warm_up"]
+
+
+def rolling(angle, force, length, second):
+    """A tyre steered by a multisine in other units of force, length and time; the force is made up."""
+    conditions = {"vertical_force": 4e3 * force}
+    conditions |= {"longitudinal_velocity": 20.0 * length / second, "fictitious_velocity": 0.01 * length / second}
+    experiment = Experiment("multisine", "multisine", TIME * second, {"slip_angle": angle * DRIVE}, conditions)
+    units = {"slip_angle": "rad", "lateral_force": "N"}
+    measured = {"lateral_force": 1e3 * force * np.roll(DRIVE, 5)}
+    return Campaign("units", "simulated", {}, (Measurement(experiment, measured, units),))
+
+
+def tyre_response(effect, force, length, second):
+    """At points of the effect's ranges; the carcass is the same one in every unit."""
+    tyre, data, sizes = find_model("maxwell_tyre"), rolling(0.03, force, length, second), find_effect(effect)
+    own = scaled(sizes, data_scales(tyre, data))
+    shared = with_parameters(own, tuple(replace(one, per=PER_CAMPAIGN) for one in own.parameters))
+    units = {"N": force, "N/m": force / length, "N s/m": force * second / length, "1/m": 1 / length, "1": 1.0}
+    carcass = {one.name: one.nominal * units[one.unit] for one in tyre.parameters}
+    problem = build_problem(with_effects(tyre, shared), data, space=ParameterSpace(shared.parameters), fixed=carcass)
+    u = np.random.default_rng(0).uniform(0.3, 0.7, (3, len(shared.parameters)))
+    return problem.simulate(u)[0][..., 0]
+
+
+@pytest.mark.parametrize("effect", ROLLING)
+@settings(max_examples=4, deadline=None)
+@given(force=st.sampled_from([1e-3, 1e3]), length=st.sampled_from([1e-3, 1e3]), second=st.sampled_from([1e-3, 60]))
+def test_a_point_of_the_ranges_of_a_tyres_effect_means_the_same_in_any_unit(effect, force, length, second):
+    """N to kN, m to mm, s to ms: the unit cube is searched and sampled, so that verdicts are the same too."""
+    here, there = tyre_response(effect, 1.0, 1.0, 1.0), tyre_response(effect, force, length, second)
+    assert there / force == pytest.approx(here, rel=1e-3, abs=1e-3 * np.ptp(here))
+
+
+def test_ranges_of_slip_and_travel_are_those_of_a_car_on_its_campaign():
+    """And five times as wide where the angle, or the speed, is."""
+    tyre, bundled = find_model("maxwell_tyre"), read_campaign(bundled_campaign())
+    sines = replace(bundled, measurements=tuple(m for m in bundled.measurements if m.kind == "sine"))
+
+    def upper(effect, **data):
+        changed = tuple(
+            replace(
+                m,
+                experiment=replace(m.experiment, **{k: {**getattr(m.experiment, k), **v(m)} for k, v in data.items()}),
+            )
+            for m in sines.measurements
+        )
+        (own,) = scaled(find_effect(effect), data_scales(tyre, replace(sines, measurements=changed))).parameters
+        return own.upper
+
+    def fast(m):
+        return {"longitudinal_velocity": 5 * m.experiment.conditions["longitudinal_velocity"]}
+
+    def wide(m):
+        return {"slip_angle": 5 * m.experiment.inputs["slip_angle"]}
+
+    assert upper("slip_offset") == pytest.approx(0.02, rel=0.1)
+    assert upper("contact_patch_lag") == pytest.approx(0.5, rel=0.1)
+    assert upper("slip_offset", inputs=wide) == pytest.approx(5 * upper("slip_offset"))
+    assert upper("contact_patch_lag", conditions=fast) == pytest.approx(5 * upper("contact_patch_lag"))
+    assert upper("turn_slip", conditions=fast) == pytest.approx(5 * upper("turn_slip"))
 
 
 def test_the_range_of_a_play_grows_with_the_input_that_it_acts_on():

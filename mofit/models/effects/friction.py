@@ -8,8 +8,8 @@ from mofit.models.effect import Addition, Effect
 from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, Applied, Channel, Symbols
 from mofit.parameters import Parameter, powers
 
-#: how forces and lengths grow with the data of a damper
-FORCE, STROKE = powers(force=1), powers(displacement=1)
+#: how forces grow with the data, on a tyre with its load, and lengths with those of a damper
+FORCE, STROKE = (("force or vertical_force", 1.0),), powers(displacement=1)
 #: and what is in the unit of the input that a play acts on
 INPUT = (("slip_angle or displacement", 1.0),)
 

@@ -13,8 +13,8 @@ from mofit.models.library.steady_state import LOAD
 from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, TIME, Applied, Condition, Symbols
 from mofit.parameters import PER_TEST, Parameter, powers
 
-#: how times grow with the data
-DURATION = powers(time=1)
+#: how times and forces grow with the data: forces on a tyre with its load
+DURATION, FORCE = powers(time=1), (("force or vertical_force", 1.0),)
 
 
 def unknown_turn(suffix: str, of: str) -> tuple[Parameter, Parameter]:
@@ -154,9 +154,7 @@ class ForceOffset(Addition):
     on = ("lateral_force", "force")
     of_rig = True
     parameters = (
-        Parameter(
-            "F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0, scales=powers(force=1)
-        ),
+        Parameter("F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0, scales=FORCE),
     )
 
 
@@ -173,7 +171,7 @@ class TestOffset(Addition):
     parameters = (
         Parameter(
             "F_t", "N", -500.0, 500.0, 25.0, description="offset of the force in a test", neutral=0.0, per=PER_TEST,
-            scales=powers(force=1),
+            scales=FORCE,
         ),
     )  # fmt: skip
     of_rig = True
@@ -187,7 +185,13 @@ class SlipOffset(Addition):
     family = "sensor error"
     on = ("slip_angle",)
     of_rig = True
-    parameters = (Parameter("alpha_0", "rad", -0.02, 0.02, 0.0014, description="slip-angle offset", neutral=0.0),)
+    # 0.08 degrees where the angle moves by two degrees to either side
+    parameters = (
+        Parameter(
+            "alpha_0", "rad", -0.03, 0.03, 0.002, description="slip-angle offset", neutral=0.0,
+            scales=powers(slip_angle=1),
+        ),
+    )  # fmt: skip
 
 
 class CrossTalk(Addition):

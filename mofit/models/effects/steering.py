@@ -13,6 +13,8 @@ from mofit.parameters import Parameter, powers
 
 #: how what a force does grows with the load
 PER_LOAD = powers(vertical_force=-1)
+#: and how travelled lengths grow with speed and time of the data: a test shows a lag within its times
+TRAVEL = powers(longitudinal_velocity=1, time=1)
 #: Rounds in which angle and force of a settled tyre find each other; each takes off nine tenths of what is left.
 _ROUNDS = 5
 
@@ -30,7 +32,11 @@ class ContactPatchLag(Effect):
     family = "lag or delay"
     on = ("slip_angle",)
     needs = ("longitudinal_velocity", "fictitious_velocity")
-    parameters = (Parameter("sigma_c", "m", 0.0, 0.5, 0.05, description="relaxation length of the patch", neutral=0.0),)
+    parameters = (
+        Parameter(
+            "sigma_c", "m", 0.0, 0.5, 0.05, description="relaxation length of the patch", neutral=0.0, scales=TRAVEL
+        ),
+    )
     states = washout_states(name, "rad")
     conditions = (SAMPLE_INTERVAL,)
 
@@ -53,7 +59,9 @@ class TurnSlip(Effect):
     family = "spin slip"
     on = ("slip_angle",)
     needs = ("longitudinal_velocity", "fictitious_velocity")
-    parameters = (Parameter("l_t", "m", -0.2, 0.2, 0.02, description="lever of the turning", neutral=0.0),)
+    parameters = (
+        Parameter("l_t", "m", -0.2, 0.2, 0.02, description="lever of the turning", neutral=0.0, scales=TRAVEL),
+    )
     states = washout_states(name, "rad")
     conditions = (SAMPLE_INTERVAL,)
     candidate = False

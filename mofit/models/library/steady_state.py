@@ -13,6 +13,8 @@ from mofit.parameters import Parameter, powers
 LOAD = powers(vertical_force=1)
 #: load for which the ranges of tyres are written, N
 TYPICAL_LOAD = MappingProxyType({"vertical_force": 3600.0})
+#: and how a tyre rolls there: range of its slip angle, rad, and its speed, m/s
+TYPICAL_ROLLING = MappingProxyType({**TYPICAL_LOAD, "slip_angle": 0.1, "longitudinal_velocity": 60 / 3.6})
 
 # Tests up to 4 degrees end well before the maximum and do not inform sliding: fixed ratios, typical of car tyres.
 SLIDING_SLIP = 3.0
@@ -115,7 +117,7 @@ class TMeasyCurve(Model):
 
     name = "tmeasy_curve"
     title = "TMeasy steady-state curve"
-    typical = TYPICAL_LOAD
+    typical = TYPICAL_ROLLING
     parameters = TMEASY_PARAMETERS
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)

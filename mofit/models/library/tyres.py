@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import casadi as ca
 
 from mofit.models.library.steady_state import (
@@ -13,7 +11,7 @@ from mofit.models.library.steady_state import (
     SLIP_ANGLE,
     SPRING_PARAMETERS,
     TMEASY_PARAMETERS,
-    TYPICAL_LOAD,
+    TYPICAL_ROLLING,
     carcass_force,
     lateral_slip,
     slip_stiffness,
@@ -77,7 +75,7 @@ class Tyre(Model):
     inputs = (SLIP_ANGLE,)
     outputs = (LATERAL_FORCE,)
     conditions = ROLLING_CONDITIONS
-    typical = MappingProxyType({**TYPICAL_LOAD, "slip_angle": 0.1})
+    typical = TYPICAL_ROLLING
     excitations = ("ramp", "sine", "chirp", "multisine", "free")
     stages = (
         Stage("steady_state", "steady state", "tmeasy_curve", ("step",), settled=True),
