@@ -17,8 +17,8 @@ import numpy as np
 
 from mofit._typing import FloatArray
 
-#: Shares that a law may miss: 0, and a grid of their logarithms, eight per decade.
-_LOGS = np.linspace(np.log(1e-7), np.log(30.0), 70)
+#: Shares that a law may miss: 0, and a grid of their logarithms, 23 per decade.
+_LOGS = np.linspace(np.log(1e-7), np.log(30.0), 196)
 _SHARES = np.concatenate([[0.0], np.exp(_LOGS)])
 #: Standard deviations of the logarithm between records. Beforehand they are half-normal: what a law misses differs by
 #: factors of about e.
@@ -171,7 +171,7 @@ def _posterior(hold_outs: Sequence[Evidence], spreads: FloatArray) -> tuple[Floa
     levels = np.linspace(min(least, -1.0), 0.0, _LEVELS)
     kernel = np.exp(-0.5 * ((_LOGS - levels[:, None, None]) / _SPREADS[:, None]) ** 2)
     kernel /= np.maximum(kernel.sum(axis=-1, keepdims=True), _TINY)
-    inexact = np.log(spreads / _LEVELS) + np.log(1 - _EXACT)
+    inexact = np.log(np.maximum(spreads, _TINY) / _LEVELS) + np.log(1 - _EXACT)
     exact = np.log(_EXACT)
     for one in hold_outs:
         likelihood = np.exp(one.log_likelihood)

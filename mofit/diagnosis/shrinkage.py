@@ -109,9 +109,9 @@ class Share:
         if not self.evidence:
             return self
         left = left_on_new_records(self.evidence, tests, np.random.default_rng(seed))
-        away = sum(one.ran_away for one in self.hold_outs) / len(self.hold_outs)
         high = 1 - float(np.quantile(left, 0.05))
-        left[: round(away * len(left))] = 1.0
+        away = sum(one.ran_away for one in self.hold_outs)
+        left[: round(away / (away + len(self.evidence)) * len(left))] = 1.0
         low = 1 - float(np.quantile(left, 0.95))
         return replace(self, low=min(low, self.share), high=max(high, self.share))
 
