@@ -35,7 +35,7 @@ def evidence_of(
     moved = errors[:, 1] - best.residual[:rows] * here
     columns = np.column_stack([moved, errors[:, 0] - errors[:, 1], response])
     products = products_of_tests(observed, columns, tests)
-    whole, without = np.linalg.inv(best.hessian), _covariance_without(best, tests, response)
+    whole, without = covariance_of(best), _covariance_without(best, tests, response)
     seen = np.column_stack([errors[:, 1], columns[:, 1:], best.residual[:rows] * here])
     power, gaps = power_of(observed, tests, seen, direct, without), products[:, 1, 1]
     return evidence(power, products[:, 2:, 2:], gaps, whole, without, float(products[:, 0, 0].sum()))
@@ -65,6 +65,11 @@ def power_of(
         estimation=float(np.trace(spread)),
         estimation_squared=float(np.sum(spread * spread.T)),
     )
+
+
+def covariance_of(best: Fitted) -> FloatArray:
+    """Covariance of the free parameters, (f, f)."""
+    return np.asarray(np.linalg.inv(best.hessian), dtype=np.float64)
 
 
 def _covariance_without(best: Fitted, tests: Sequence[int], response: FloatArray) -> FloatArray:

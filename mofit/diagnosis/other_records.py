@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.signals.smoothing import residual_noise
 from mofit.diagnosis.fitting import Fitted
-from mofit.diagnosis.hold_out_evidence import power_of
+from mofit.diagnosis.hold_out_evidence import covariance_of, power_of
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import clipped, stable
@@ -85,7 +85,7 @@ def _evidence(held: WhitenedData, test: int, fits: Sequence[_Predicting], best: 
     responses = -held.whitened([slope[None] for slope in fits[1].slopes])[0]
     error, gain = with_[0], without[0] - with_[0]
     columns = np.hstack([error, gain, responses, error]) * here[:, None]
-    covariance = np.linalg.inv(best.hessian)
+    covariance = covariance_of(best)
     power = power_of(held, [test], columns, held.explainable & here, covariance)
     products = products_of_tests(held, columns, [test])
     own = slice(2, -1)
