@@ -192,12 +192,12 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
 
 def _shares(kinds: Sequence[Mapping[str, Any]]) -> Table:
     """The share of the gap removed, by kind of hold-out, and on every group and record."""
-    from mofit.diagnosis.shrinkage import labelled_shares
+    from mofit.diagnosis.shrinkage import in_percent, labelled_shares
 
     table = _table("left out of the fit", "removed %", "5 %", "95 %")
     for name, one in labelled_shares(kinds):
         away = one.get("ran_away", False)
-        table.add_row(name, *("–" if away else f"{100 * one[key]:.1f}" for key in ("share", "low", "high")))
+        table.add_row(name, *("–" if away else in_percent(one[key]) for key in ("share", "low", "high")))
     return table
 
 

@@ -12,12 +12,14 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.fitting import Fitted, project
 from mofit.diagnosis.groups import Group, groups
+from mofit.diagnosis.hold_out_evidence import evidence_of
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.mean_squares import mean_squares, noise_squares, products_of_tests
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
+from mofit.diagnosis.remainder import Evidence
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage, Squares, interval, joined
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
@@ -134,11 +136,14 @@ class _Predicted:
         Against the reference, at every draw of the parameters, the first one at their estimates.
     observed
         Against the measured outputs beyond the noise, without and with the effect.
+    evidence
+        What it tells of new records.
     """
 
     hold_out: HoldOut
     squares: Squares
     observed: FloatArray
+    evidence: Evidence
 
     def judged(self, limit: float) -> _Predicted:
         """The same, nothing being removed where the fit runs away: worse by more than the limit per test."""
@@ -165,7 +170,8 @@ def _share(kind: Kind, predicted: Sequence[_Predicted], seed: int) -> Share | No
     _, high = interval([one.resampled(random) for one in holding], middle)
     before, after = np.sum([one.observed for one in held], axis=0)
     raw = 1 - after / before if before > 0 else 0.0
-    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted))
+    told = tuple(one.evidence for one in held)
+    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted), low, told)
 
 
 def _predicted(
@@ -198,7 +204,8 @@ def _predicted(
         low, high = interval([squares.resampled(np.random.default_rng(reference.seed))], share)
         names = tuple(observed.problem.tests[number] for number in group.tests)
         series = tuple(_series(observed, group.tests, [[test[k] for test in side] for side in outputs]))
-        yield _Predicted(HoldOut(group.name, names, share, low, high, diverged, series), squares, beyond)
+        told = evidence_of(best, alone, group.tests, errors, direct)
+        yield _Predicted(HoldOut(group.name, names, share, low, high, diverged, series), squares, beyond, told)
 
 
 def _only(observed: WhitenedData, tests: Sequence[int]) -> WhitenedData:

@@ -24,4 +24,7 @@ def measured_shrinkage(
             shrinkage = replace(shrinkage, note=f"On the records held out no share is known: {share}.")
         else:
             shrinkage = replace(shrinkage, shares=(*shrinkage.shares, share))
+    alike = shrinkage.of("test")
+    tests = alike.evidence if alike else ()
+    shrinkage = replace(shrinkage, shares=tuple(one.foretelling(tests, seed) for one in shrinkage.shares))
     return (shrinkage, "") if shrinkage.shares else (None, shrinkage.reason)

@@ -12,8 +12,12 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.signals.smoothing import residual_noise
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.hold_out_evidence import covariance_of, power_of
 from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import clipped, stable
+from mofit.diagnosis.mean_squares import products_of_tests
+from mofit.diagnosis.remainder import Evidence, evidence
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Share, Squares, interval, joined
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.models import with_effects
@@ -45,7 +49,7 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
     )
     held, random = whiten(problem, (), observed.simulators), np.random.default_rng(seed)
     fits = [_Predicting.of(fitted, held, random) for fitted in (baseline, best)]
-    hold_outs, exact, drawn = [], [], []
+    hold_outs, exact, drawn, told = [], [], [], []
     for number, name in enumerate(problem.tests):
         before, after = (fit.squares(held, number) for fit in fits)
         away = not stable(np.stack([before, after]))
@@ -61,9 +65,31 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
         exact.append(here)
         drawn.append(moved.resampled(random))
         low, high = interval(drawn[-1:], here.share)
+        if not away:
+            told.append(_evidence(held, number, fits, best))
         hold_outs.append(HoldOut(name, (name,), here.share, low, high, away, tuple(_series(held, number, fits))))
     share = joined(exact).share
-    return Share("records", share, *interval(drawn, share), share, tuple(hold_outs))
+    low, high = interval(drawn, share)
+    return Share("records", share, low, high, share, tuple(hold_outs), low, tuple(told))
+
+
+def _evidence(held: WhitenedData, test: int, fits: Sequence[_Predicting], best: Fitted) -> Evidence:
+    """Of a record: what past inputs predict of its errors, or what repeats in them."""
+    if held.predicted_only.any():
+        held = with_noise_beside_prediction(held, fits[1].outputs)
+    without, with_ = (
+        held.whitened([(one.measured - output)[None, ..., None] for one, output in zip(ones, fit.outputs, strict=True)])
+        for ones, fit in ((held.problem.experiments, fit) for fit in fits)
+    )
+    here = held.test == test
+    responses = -held.whitened([slope[None] for slope in fits[1].slopes])[0]
+    error, gain = with_[0], without[0] - with_[0]
+    columns = np.hstack([error, gain, responses, error]) * here[:, None]
+    covariance = covariance_of(best)
+    power = power_of(held, [test], columns, held.explainable & here, covariance)
+    products = products_of_tests(held, columns, [test])
+    own = slice(2, -1)
+    return evidence(power, products[:, own, own], products[:, 1, 1], covariance, covariance, 0.0)
 
 
 def _noise(held: WhitenedData, test: int, best: _Predicting) -> FloatArray:
@@ -90,6 +116,8 @@ class _Predicting:
     ----------
     outputs
         At the estimates, (samples, outputs) per test.
+    slopes
+        Their derivatives by the free parameters, (samples, outputs, f) per test.
     errors, responses
         Measured minus that over the samples used, (n,) per record, and minus its derivatives by the free parameters.
     moved
@@ -97,6 +125,7 @@ class _Predicting:
     """
 
     outputs: list[FloatArray]
+    slopes: list[FloatArray]
     errors: list[FloatArray]
     responses: list[FloatArray]
     moved: FloatArray
@@ -107,14 +136,15 @@ class _Predicting:
         point, free = fitted.minimum.point[None], fitted.free
         found = hypothesis(held, fitted.hypothesis.discrepancies).at_steps_for(point).outputs(point)
         outputs = [clipped(own[0]) for own, _ in found]
+        slopes = [clipped(own[0][..., free] * fitted.derivative[free]) for _, own in found]
         errors, responses = [], []
         for i, (test, output, w) in enumerate(held.records):
             used = slice(w.start, w.start + w.count)
             errors.append(held.used_samples(i) - outputs[test][used, output])
-            responses.append(-clipped(found[test][1][0, used, output][:, free] * fitted.derivative[free]))
+            responses.append(-slopes[test][used, output])
         root = np.linalg.cholesky(np.linalg.inv(fitted.hessian))
         moved = random.standard_normal((_DRAWS, len(root))) @ root.T
-        return cls(outputs, errors, responses, np.vstack([np.zeros(len(root)), moved]))
+        return cls(outputs, slopes, errors, responses, np.vstack([np.zeros(len(root)), moved]))
 
     def squares(self, held: WhitenedData, test: int) -> FloatArray:
         """Relative mean squares per draw and block of time.

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.remainder import Evidence, left_on_new_records
 
 #: What is left out of the fit, the least demanding kind first: a test, a group of tests, records of another kind.
 Kind = Literal["test", "group", "records"]
 KINDS: tuple[Kind, ...] = ("test", "group", "records")
+#: Most decimals of a share in per cent: what is left of the gap is hardly known to a millionth.
+_DECIMALS = 4
 _PLACES = {"test": "tests left out in turn", "group": "whole groups of tests left out", "records": "records held out"}
 
 
@@ -72,10 +75,15 @@ class Share:
         Of tests and groups: of the predictions against the fit to all tests and what it leaves. Of records: against the
         measured outputs. Hold-outs without which the fit runs away count as nothing removed.
     low, high
-        90 % interval of the same; the upper end is that of the hold-outs that hold.
+        90 % interval of the share on another record like those held out; the upper end is that of the hold-outs that
+        hold.
     observed
         The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
         hides a small gap. Of the hold-outs that hold.
+    least
+        Lower end of the share on the very hold-outs, had others been drawn like them; ``low`` if it is not known.
+    evidence
+        What the hold-outs that hold tell of other records.
     """
 
     kind: Kind
@@ -84,11 +92,28 @@ class Share:
     high: float
     observed: float
     hold_outs: tuple[HoldOut, ...]
+    least: float | None = None
+    evidence: tuple[Evidence, ...] = ()
 
     @property
     def may_be_nothing(self) -> bool:
         """Whether nothing may be removed, although every fit holds."""
-        return self.low <= 0 and not any(one.ran_away for one in self.hold_outs)
+        least = self.low if self.least is None else self.least
+        return least <= 0 and not any(one.ran_away for one in self.hold_outs)
+
+    def foretelling(self, tests: Sequence[Evidence], seed: int) -> Share:
+        """The same with the interval of another record like these; ``tests`` tell how records differ.
+
+        A record like those without which the fit runs away has nothing removed.
+        """
+        if not self.evidence:
+            return self
+        left = left_on_new_records(self.evidence, tests, np.random.default_rng(seed))
+        high = 1 - float(np.quantile(left, 0.05))
+        away = sum(one.ran_away for one in self.hold_outs)
+        left[: round(away / (away + len(self.evidence)) * len(left))] = 1.0
+        low = 1 - float(np.quantile(left, 0.95))
+        return replace(self, low=min(low, self.share), high=max(high, self.share))
 
     @property
     def place(self) -> str:
@@ -130,9 +155,9 @@ class Shrinkage:
     def sentence(self) -> str:
         """The headline with its interval, and beside it the least demanding kind."""
         head, least = self.headline, self.shares[0]
-        share, low, high = (f"{100 * value:.1f}" for value in (head.share, head.low, head.high))
+        share, low, high = (in_percent(value) for value in (head.share, head.low, head.high))
         names = "" if head.kind == "test" else f" ({'; '.join(one.name for one in head.hold_outs)})"
-        beside = "" if head is least else f"; on {least.place} {100 * least.share:.1f} %"
+        beside = "" if head is least else f"; on {least.place} {in_percent(least.share)} %"
         return f"On {head.place}{names} it removes {share} % of the gap ({low} to {high} %){beside}."
 
     @property
@@ -152,6 +177,14 @@ class Shrinkage:
             f"without {_listed(self.ran_away)} the fit to the other tests runs away: they do not determine the effect"
         )
         return f"{away}. {self.note}".removesuffix(". ")
+
+
+def in_percent(share: float) -> str:
+    """A share in per cent, with decimals enough near 100 % to tell what is left: 99.8, 99.95."""
+    left = 1 - share
+    decimals = int(np.clip(-np.floor(np.log10(100 * left)), 1, _DECIMALS)) if left > 0 else 1
+    most = 100 - 10.0**-decimals if left > 0 else np.inf
+    return f"{min(100 * share, most):.{decimals}f}"
 
 
 def _listed(hold_outs: Sequence[HoldOut]) -> str:

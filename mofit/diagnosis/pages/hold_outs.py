@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mofit.diagnosis.shrinkage import labelled_shares
+from mofit.diagnosis.shrinkage import in_percent, labelled_shares
 from mofit.report.toolkit.blocks import Block, Column, Figure, Table, Text, words
 from mofit.report.toolkit.figures import BASELINE, Panels, dot_key, mode_colour
-from mofit.report.toolkit.formatting import percent
+from mofit.report.toolkit.formatting import THIN, percent
 
 #: Height of a row of the figure and least share that is drawn, as a worse one would hide the others.
 _ROW, _LEAST = 0.26, -0.5
@@ -60,7 +60,7 @@ def _figure(shrinkage: Mapping[str, Any]) -> Figure:
 def _table(shrinkage: Mapping[str, Any]) -> Table:
     rows = list(labelled_shares(shrinkage["kinds"]))
     cells = [
-        [percent(one[key]) if not one.get("ran_away", False) else "–" for _, one in rows]
+        [f"{in_percent(one[key])}{THIN}%" if not one.get("ran_away", False) else "–" for _, one in rows]
         for key in ("share", "low", "high")
     ]
     observed = [percent(one["observed"]) if "observed" in one else "" for _, one in rows]

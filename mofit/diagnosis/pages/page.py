@@ -16,6 +16,7 @@ from mofit.diagnosis.pages.hold_outs import hold_out_blocks
 from mofit.diagnosis.pages.proposed import proposed_section
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
 from mofit.diagnosis.result import Diagnosis, page_data
+from mofit.diagnosis.shrinkage import in_percent
 from mofit.report import Page
 from mofit.report.toolkit.axes import axis_of_tests
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text, banner, cards, method_section, tabs
@@ -77,9 +78,9 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
         key_figures.append((percent(where["of_peak"]), "of the output's peak, where the gap is largest"))
     if shrinkage:
         headline = shrinkage["kinds"][-1]
-        interval = f"{percent(headline['low'])} to {percent(headline['high'])}"
-        removed = f"of the gap removed on {headline['place']} (90 % interval: {interval})"
-        key_figures.append((percent(headline["share"]), removed))
+        share, low, high = (f"{in_percent(headline[key])}{THIN}%" for key in ("share", "low", "high"))
+        removed = f"of the gap removed on {headline['place']} (90 % interval: {low} to {high})"
+        key_figures.append((share, removed))
     blocks: list[Block] = [banner(data["sentence"], _GRADES[data["verdict"]]), cards(key_figures)]
     if not shrinkage:
         blocks.append(Text(f"The shrinkage is not reported: {data['shrinkage_reason']}."))

@@ -24,7 +24,10 @@ from mofit.problem import build_problem
 
 
 def predictions(found: Diagnosis, model: str, records: Campaign) -> dict[str, Any]:
-    """Outputs of the records by the fitted models, without effects and with the best ones."""
+    """Outputs of the records by the fitted models, without effects and with the best ones.
+
+    Records of the campaign's kind begin as its tests do: at rest, or once the rig has settled.
+    """
     pairs = {"without": found.attribution.baseline, "with": found.attribution.best.fitted}
     return {
         f"{key}:{test.name}": output
@@ -35,8 +38,18 @@ def predictions(found: Diagnosis, model: str, records: Campaign) -> dict[str, An
 
 def _outputs(fitted: Fitted, model: str, records: Campaign) -> list[Any]:
     extended = with_effects(find_model(model), *fitted.hypothesis.effects)
-    problem = build_problem(extended, records, space=ParameterSpace(()), fixed=fitted.values)
+    leads = _leads(fitted, records)
+    problem = build_problem(extended, records, space=ParameterSpace(()), fixed=fitted.values, leads=leads)
     return [one[0, :, 0] for one in problem.simulate(np.empty((1, 0)))]
+
+
+def _leads(fitted: Fitted, records: Campaign) -> dict[str, float]:
+    """Time [s] for which inputs act before a record: the longest one of a test of its kind in the campaign."""
+    problem = fitted.hypothesis.observed.problem
+    found = dict[str, float]()
+    for test, signals in zip(problem.measurements, problem.signals, strict=True):
+        found[test.kind] = max(found.get(test.kind, 0.0), signals.lead)
+    return {one.name: found.get(one.kind, 0.0) for one in records.measurements}
 
 
 def main() -> None:
