@@ -12,8 +12,8 @@ from mofit.errors import InputError
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
-#: Iterations after which it is asked which starts may still come down to the limit.
-_AT_ONCE = 8
+#: Iterations after which it is asked which starts may still come down to the limit: most are near their end by then.
+_FIRST = 8
 #: Share of what a start lacks of the limit that a Newton step must gain: with less, hardly anything will change.
 _HOPELESS = 0.05
 
@@ -28,15 +28,16 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
     InputError
         If no start can be evaluated.
     """
-    at_once = _AT_ONCE if np.isfinite(limit) else settings.max_iterations
+    most = settings.max_iterations
+    first = min(_FIRST, most) if np.isfinite(limit) else most
     points, found = np.clip(np.atleast_2d(starts), 0.0, 1.0), list[Minimum]()
-    for _ in range(max(settings.max_iterations // at_once, 1)):
-        refined = refine(evaluate, points, replace(settings, max_iterations=at_once))
+    for iterations in (first, most - first):
+        if not (iterations and len(points)):
+            break
+        refined = refine(evaluate, points, replace(settings, max_iterations=iterations))
         found += merge(refined)
         unfinished = np.array([status == "limit" for status in refined.status])
         points = refined.points[unfinished & _may_win(refined.values, refined.gradients, refined.hessians, limit)]
-        if not len(points):
-            break
     if not found:
         raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
     return min(found, key=lambda one: one.value)
