@@ -11,7 +11,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
-from mofit.diagnosis.linear_response import LinearResponse, Motion, linear_responses
+from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
 from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Symbols, build_system, with_effects
 from mofit.models.effect import possible_targets, rate_of
 from mofit.parameters import Parameter
@@ -185,36 +185,34 @@ class InnerSignals:
 
     def responses(self, names: Sequence[str]) -> list[LinearResponse]:
         """What is added to quantities of these names changes in the outputs, to first order; per test."""
+        linearised, motions = self._linearised(names, [slice(None)] * len(self.used))
+        return [linearised.response(motion) for motion in motions]
+
+    def _linearised(self, names: Sequence[str], samples: Sequence[slice]) -> tuple[Linearised, list[Motion]]:
+        """The model with quantities of these names shifted, and its motion at some samples of every test."""
         hypothesis = self.fitted.hypothesis
         shifts = [_Shift(name, k) for k, name in enumerate(names)]
         system = build_system(with_effects(hypothesis.observed.problem.model, *hypothesis.effects, *shifts))
         still = {shift.name: 0.0 for shift in shifts}
+        tests = hypothesis.layout.values_by_test(self.fitted.minimum.point)
         motions = [
             Motion(
                 experiment.step,
-                np.stack([own[name] for name in system.states], axis=1)
-                if system.states
-                else np.empty((len(experiment.inputs), 0)),
-                experiment.inputs,
+                stacked(own, system.states, experiment.samples)[picked],
+                experiment.inputs[picked],
                 np.array([{**values, **still}[name] for name in system.parameters]),
                 experiment.conditions,
             )
-            for own, experiment, values in zip(
-                self.signals, self.experiments, hypothesis.layout.values_by_test(self.fitted.minimum.point), strict=True
-            )
+            for own, experiment, values, picked in zip(self.signals, self.experiments, tests, samples, strict=True)
         ]
-        return list(linear_responses(system, [shift.name for shift in shifts], motions))
+        return Linearised(system, [shift.name for shift in shifts]), motions
 
     def _ways(self, names: Sequence[str]) -> list[FloatArray]:
         """What one more of each quantity does to rates and outputs at points of the data, (points * signals,) each."""
-        responses = self.responses(names)
         every = max(sum(one.stop - one.start for one in self.used) // _POINTS, 1)
-        slopes = np.concatenate(
-            [
-                np.concatenate([one.driven, one.direct], axis=1)[used.start : used.stop : every]
-                for one, used in zip(responses, self.used, strict=True)
-            ]
-        )
+        linearised, motions = self._linearised(names, [slice(one.start, one.stop, every) for one in self.used])
+        along = [linearised.along(motion) for motion in motions]
+        slopes = np.concatenate([np.concatenate([driven, direct], axis=1) for _, driven, _, direct in along])
         # rates and outputs have units of their own
         size = np.sqrt(np.mean(slopes**2, axis=(0, 2), keepdims=True))
         return list((slopes / np.where(size > 0, size, 1.0)).transpose(2, 0, 1).reshape(len(names), -1))
@@ -241,7 +239,7 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     given = experiments_of(observed, effects)
     shapes = [(one.samples, len(inner.outputs)) for one in given]
     experiments = [
-        replace(one, origin=one, lead=0, measured=np.zeros(shape), weights=np.ones(shape))
+        replace(one.changed(measured=np.zeros(shape), weights=np.ones(shape)), lead=0)
         for one, shape in zip(given, shapes, strict=True)
     ]
     system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)

@@ -12,7 +12,7 @@ Hochbruck, Ostermann: Exponential integrators. Acta Numerica 19 (2010).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import factorial
 
@@ -26,7 +26,7 @@ from mofit.models import System
 _TAYLOR = 10
 #: Most doublings from there.
 _DOUBLINGS = 60
-#: Most numbers in the driving terms that are kept at once: 80 MB.
+#: Most numbers in the states that are kept at once: 80 MB.
 _NUMBERS = 1e7
 
 
@@ -67,45 +67,46 @@ class LinearResponse:
 
     def of(self, quantity: int, added: FloatArray) -> FloatArray:
         """Change of the outputs (n, y, K) by signals (n, K) that are added to a quantity, by its index."""
-        count = max(int(_NUMBERS / max(self.driven[..., 0].size, 1)), 1)
-        parts = [added[:, k : k + count] for k in range(0, added.shape[1], count)]
-        return np.concatenate([self._of(quantity, part) for part in parts], axis=-1)
-
-    def _of(self, quantity: int, added: FloatArray) -> FloatArray:
-        direct = self.direct[:, :, quantity, None] * added[:, None]
+        found = self.direct[:, :, quantity, None] * added[:, None]
         if not self.start.size:
-            return direct
-        drive = self.driven[:, :, quantity, None] * added[:, None]
-        pushed = self.here @ drive[:-1] + self.there @ drive[1:]
-        state = np.empty_like(drive)
-        state[0] = self.start[:, quantity, None] * added[0]
-        for k, (advance, push) in enumerate(zip(self.advance, pushed, strict=True)):
-            np.matmul(advance, state[k], out=state[k + 1])
-            state[k + 1] += push
-        return np.asarray(self.seen @ state + direct)
+            return found
+        state = self.start[:, quantity, None] * added[0]
+        found[0] += self.seen[0] @ state
+        count = max(int(_NUMBERS / (len(state) * added.shape[1])), 1)
+        for first in range(0, len(self.advance), count):
+            steps = slice(first, min(first + count, len(self.advance)))
+            ends = slice(steps.start + 1, steps.stop + 1)
+            drive = self.driven[first : ends.stop, :, quantity, None] * added[first : ends.stop, None]
+            states = self.here[steps] @ drive[:-1] + self.there[steps] @ drive[1:]
+            for k, advance in enumerate(self.advance[steps]):
+                states[k] += advance @ state
+                state = states[k]
+            found[ends] += self.seen[ends] @ states
+        return found
 
 
-def linear_responses(system: System, quantities: Sequence[str], motions: Sequence[Motion]) -> Iterator[LinearResponse]:
-    """Linearise the motion of every test; ``quantities`` are parameters that shift one each."""
-    x, u, p, c = (
-        ca.SX.sym(name, len(group))
-        for name, group in (
-            ("x", system.states),
-            ("u", system.inputs),
-            ("p", system.parameters),
-            ("c", system.conditions),
-        )
-    )
-    shifts = p[[system.parameters.index(name) for name in quantities]]
-    rate, out = system.rhs(x, u, p, c), system.out(x, u, p, c)
-    wanted = [ca.jacobian(of, by) for of in (rate, out) for by in (x, shifts)]
-    slopes = ca.Function("slopes", [x, u, p, c], [ca.densify(one) for one in wanted])
-    starts = ca.Function("starts", [u, p, c], [ca.densify(ca.jacobian(system.initial(u, p, c), shifts))])
-    for one in motions:
-        rates, driven, seen, direct = at_samples(slopes, one.states, one.inputs, one.parameters, one.conditions)
-        start = np.array(starts(one.inputs[0], one.parameters, one.conditions))
-        whole, first, second = phi_functions(0.5 * one.step * (rates[:-1] + rates[1:]))
-        yield LinearResponse(whole, one.step * (first - second), one.step * second, driven, seen, direct, start)
+class Linearised:
+    """Derivatives of a system's rates, outputs and initial state by its states and by some of its parameters."""
+
+    def __init__(self, system: System, parameters: Sequence[str]) -> None:
+        groups = {"x": system.states, "u": system.inputs, "p": system.parameters, "c": system.conditions}
+        x, u, p, c = (ca.SX.sym(name, len(group)) for name, group in groups.items())
+        by = p[[system.parameters.index(name) for name in parameters]]
+        wanted = [ca.jacobian(of(x, u, p, c), one) for of in (system.rhs, system.out) for one in (x, by)]
+        self._slopes = ca.Function("slopes", [x, u, p, c], [ca.densify(one) for one in wanted])
+        self._start = ca.Function("start", [u, p, c], [ca.densify(ca.jacobian(system.initial(u, p, c), by))])
+
+    def along(self, motion: Motion) -> list[FloatArray]:
+        """A (n, x, x), b (n, x, q), C (n, y, x) and d (n, y, q) at every sample."""
+        return at_samples(self._slopes, motion.states, motion.inputs, motion.parameters, motion.conditions)
+
+    def response(self, motion: Motion) -> LinearResponse:
+        """The linearised motion, each of the parameters being what is added to a quantity."""
+        rates, driven, seen, direct = self.along(motion)
+        start = np.array(self._start(motion.inputs[0], motion.parameters, motion.conditions))
+        step, means = motion.step, 0.5 * (rates[:-1] + rates[1:])
+        whole, first, second = phi_functions(step * means)
+        return LinearResponse(whole, step * (first - second), step * second, driven, seen, direct, start)
 
 
 def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray]:

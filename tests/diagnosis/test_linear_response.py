@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.fitting import baseline_in_wide_ranges
 from mofit.diagnosis.inner_signals import inner_signals
-from mofit.diagnosis.linear_response import Motion, at_samples, linear_responses, phi_functions
+from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_functions
 from mofit.diagnosis.term_rows import term_columns
 from mofit.diagnosis.terms import block, memory_terms, static_terms
 from mofit.identification.settings import Settings
@@ -36,7 +36,7 @@ class Lag(Model):
 
 def test_a_ramp_through_a_lag_is_exact() -> None:
     motion = Motion(STEP, np.zeros((40, 1)), np.zeros((40, 1)), np.zeros(1), np.zeros(0))
-    (response,) = linear_responses(build_system(Lag()), ["shift"], [motion])
+    response = Linearised(build_system(Lag()), ["shift"]).response(motion)
     ramp = 1.0 + TIME
     found = response.of(0, np.stack([ramp, np.ones(40)], axis=1))
     assert found.shape == (40, 1, 2)
