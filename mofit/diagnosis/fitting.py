@@ -13,8 +13,8 @@ from mofit.data import Campaign
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.limited_refinement import best_minimum
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
-from mofit.errors import InputError
 from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
@@ -22,7 +22,7 @@ from mofit.identification.stages import search
 from mofit.identification.steady_start import leads_said, led_in
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
-from mofit.optimize import Minimum, RefineSettings, merge, refine
+from mofit.optimize import Minimum, RefineSettings
 from mofit.parameters import ParameterSpace
 from mofit.problem import explained
 from mofit.simulation.scoped_simulator import ScopedSimulator
@@ -176,8 +176,10 @@ def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[Wh
     return observed, np.clip(problem.space.to_unit(np.vstack([values, minima])), 0.0, 1.0)
 
 
-def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
+def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     """Refine from starts (K, d).
+
+    ``limit`` is the sum of squares that counts: far above it a fit ends early, where hardly anything changes.
 
     Raises
     ------
@@ -185,11 +187,9 @@ def fit(model: Hypothesis, starts: FloatArray) -> Fitted:
         If no start can be simulated.
     """
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
-    found = merge(refine(model.evaluate, np.clip(starts, 0.0, 1.0), settings))
-    if not found:
-        raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
-    here = model.linear(found[0].point[None])
-    return Fitted(model, found[0], here.residual[0], here.jacobian[0])
+    best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
+    here = model.linear(best.point[None])
+    return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
 def baseline_in_wide_ranges(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -11,9 +11,11 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
+from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
 from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Symbols, build_system, with_effects
 from mofit.models.effect import possible_targets, rate_of
 from mofit.parameters import Parameter
+from mofit.simulation import ExperimentData
 
 #: The input that every test has.
 _TIME = "time"
@@ -102,12 +104,15 @@ class _Shift(Addition):
 
 @dataclass(frozen=True)
 class InnerSignals:
-    """Signals of the fitted model per test, by name: (samples,); ``used`` are the samples that count."""
+    """Signals of the fitted model per test, by name: (samples,), those before the record included.
+
+    ``used`` are the samples that count.
+    """
 
     fitted: Fitted
     signals: tuple[Mapping[str, FloatArray], ...]
     used: tuple[slice, ...]
-    steps: tuple[float, ...]
+    experiments: tuple[ExperimentData, ...]
 
     def joined(self, name: str) -> FloatArray:
         """The samples used of all tests, one after the other."""
@@ -139,8 +144,8 @@ class InnerSignals:
         if rate == of:
             return False
         square, error = 0.0, 0.0
-        for own, used, step in zip(self.signals, self.used, self.steps, strict=True):
-            slope = np.gradient(own[of], step)[used]
+        for own, used, experiment in zip(self.signals, self.used, self.experiments, strict=True):
+            slope = np.gradient(own[of], experiment.step)[used]
             square += float(np.sum(slope**2))
             error += float(np.sum((own[rate][used] - slope) ** 2))
         return error < _RATE**2 * square
@@ -156,7 +161,7 @@ class InnerSignals:
         known = {*outputs, *inputs, *rates, *constants, _TIME}
         announced = [name for name in possible_targets(model) if name not in known]
         names = [*outputs, *reversed(announced), *rates, *inputs]
-        ways = self._ways(model, names)
+        ways = self._ways(names)
         groups: list[list[int]] = []
         for k, way in enumerate(ways):
             if not np.isfinite(way).all() or not np.any(way):
@@ -178,37 +183,44 @@ class InnerSignals:
             for own in groups
         ]
 
-    def _ways(self, model: Model, names: Sequence[str]) -> list[FloatArray]:
-        """What one more of each quantity does to rates and outputs at points of the data, (points * signals,) each."""
+    def responses(self, names: Sequence[str]) -> list[LinearResponse]:
+        """What is added to quantities of these names changes in the outputs, to first order; per test."""
+        linearised, motions = self._linearised(names, [slice(None)] * len(self.used))
+        return [linearised.response(motion) for motion in motions]
+
+    def _linearised(self, names: Sequence[str], samples: Sequence[slice]) -> tuple[Linearised, list[Motion]]:
+        """The model with quantities of these names shifted, and its motion at some samples of every test."""
         hypothesis = self.fitted.hypothesis
         shifts = [_Shift(name, k) for k, name in enumerate(names)]
-        system = build_system(with_effects(model, *shifts))
+        system = build_system(with_effects(hypothesis.observed.problem.model, *hypothesis.effects, *shifts))
         still = {shift.name: 0.0 for shift in shifts}
-        points = [
-            [{**values, **still}[name] for name in system.parameters]
-            for values in hypothesis.layout.values_by_test(self.fitted.minimum.point)
+        tests = hypothesis.layout.values_by_test(self.fitted.minimum.point)
+        motions = [
+            Motion(
+                experiment.step,
+                stacked(own, system.states, experiment.samples)[picked],
+                experiment.inputs[picked],
+                np.array([{**values, **still}[name] for name in system.parameters]),
+                experiment.conditions,
+            )
+            for own, experiment, values, picked in zip(self.signals, self.experiments, tests, samples, strict=True)
         ]
-        experiments = hypothesis.observed.problem.experiments
-        x, u, c = (
-            ca.SX.sym(name, len(group))
-            for name, group in (("x", system.states), ("u", system.inputs), ("c", system.conditions))
-        )
-        p = ca.SX.sym("p", len(system.parameters))
-        both = ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c))
-        place = [system.parameters.index(shift.name) for shift in shifts]
-        slope = ca.Function("slope", [x, u, p, c], [ca.jacobian(both, p[place])])
+        return Linearised(system, [shift.name for shift in shifts]), motions
+
+    def _ways(self, names: Sequence[str]) -> list[FloatArray]:
+        """What one more of each quantity does to rates and outputs at points of the data, (points * signals,) each."""
         every = max(sum(one.stop - one.start for one in self.used) // _POINTS, 1)
-        found = []
-        for own, used, experiment, point in zip(self.signals, self.used, experiments, points, strict=True):
-            for i in range(used.start, used.stop, every):
-                state = [own[name][i] for name in system.states]
-                found.append(
-                    np.array(slope(state, experiment.inputs[experiment.lead + i], point, experiment.conditions))
-                )
-        stacked = np.stack(found)
+        linearised, motions = self._linearised(names, [slice(one.start, one.stop, every) for one in self.used])
+        along = [linearised.along(motion) for motion in motions]
+        slopes = np.concatenate([np.concatenate([driven, direct], axis=1) for _, driven, _, direct in along])
         # rates and outputs have units of their own
-        size = np.sqrt(np.mean(stacked**2, axis=(0, 2), keepdims=True))
-        return list((stacked / np.where(size > 0, size, 1.0)).transpose(2, 0, 1).reshape(len(names), -1))
+        size = np.sqrt(np.mean(slopes**2, axis=(0, 2), keepdims=True))
+        return list((slopes / np.where(size > 0, size, 1.0)).transpose(2, 0, 1).reshape(len(names), -1))
+
+
+def stacked(signals: Mapping[str, FloatArray], names: Sequence[str], samples: int) -> FloatArray:
+    """Signals of these names, (samples, names)."""
+    return np.stack([signals[name] for name in names], axis=1) if names else np.empty((samples, 0))
 
 
 def same(a: FloatArray, b: FloatArray) -> bool:
@@ -224,21 +236,16 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     states = [state.name for effect in effects for state in effect.states]
     inner = InnerModel(observed.problem.model, states)
     first = len(observed.problem.model.outputs)
+    given = experiments_of(observed, effects)
+    shapes = [(one.samples, len(inner.outputs)) for one in given]
     experiments = [
-        one.changed(
-            measured=np.zeros((len(one.measured), len(inner.outputs))),
-            weights=np.ones((len(one.measured), len(inner.outputs))),
-        )
-        for one in experiments_of(observed, effects)
+        replace(one.changed(measured=np.zeros(shape), weights=np.ones(shape)), lead=0)
+        for one, shape in zip(given, shapes, strict=True)
     ]
     system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)
     tests = hypothesis.layout.values_by_test(fitted.minimum.point)
     outputs = simulator.simulate(np.array([[[values[name] for name in system.parameters] for values in tests]]))
     signals = [{name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs]
-    used = {test: slice(w.start, w.start + w.count) for test, _, w in reversed(observed.records)}
-    return InnerSignals(
-        fitted,
-        tuple(signals),
-        tuple(used[test] for test in range(len(signals))),
-        tuple(one.step for one in experiments),
-    )
+    first_used = {test: (given[test].lead + w.start, w.count) for test, _, w in reversed(observed.records)}
+    used = [slice(start, start + count) for start, count in (first_used[test] for test in range(len(signals)))]
+    return InnerSignals(fitted, tuple(signals), tuple(used), tuple(given))

@@ -132,7 +132,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
         The effect's score test there.
     limit
         Sum of squares that the model must come down to; one that cannot is left as it was found first: coarsely
-        integrated, and the stages as they were.
+        fitted and integrated, and the stages as they were.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = _in_wider_ranges(settled(_fitted(new, starts), limit, with_stages))
+            found = _in_wider_ranges(settled(_fitted(new, starts, limit), limit, with_stages))
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -164,7 +164,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
         starts = [(max(own, steps), one) for own, one in [*starts, *((steps, one) for one in more)]]
 
 
-def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]]) -> Fitted:
+def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float) -> Fitted:
     """The best fit from starts, each with as many integration steps as it needs.
 
     Raises
@@ -175,7 +175,7 @@ def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]]) -> Fitted
     found, failure = list[Fitted](), InputError([])
     for steps in sorted({own for own, _ in starts}):
         try:
-            found.append(fit(new.with_steps(steps), np.array([one for own, one in starts if own == steps])))
+            found.append(fit(new.with_steps(steps), np.array([one for own, one in starts if own == steps]), limit))
         except InputError as error:
             failure = error
     if not found:

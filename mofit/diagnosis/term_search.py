@@ -8,19 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
-from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
+from mofit.diagnosis.inner_signals import InnerSignals, Target, Variable, inner_signals
 from mofit.diagnosis.refit import is_reliable
-from mofit.diagnosis.term_selection import MOST_TERMS, Columns, Selection, fewest, prediction_errors, selections
-from mofit.diagnosis.terms import Term, TermEffect, block, hysteresis_terms, memory_terms, proposed, static_terms
+from mofit.diagnosis.term_rows import term_columns
+from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
+from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.errors import InputError
 
 #: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
 #: best, as a strong term bends its own direction; and most of all.
-_PREDICTING, _FITTING, _MOST_FITS = 3, 1, 8
+_PREDICTING, _FITTING, _MOST_FITS = 2, 1, 5
 #: Most quantities for which terms with memory are tried: those on which a term without one predicts best.
 _QUANTITIES = 3
 #: Most numbers in the rows of all terms for memory times other signals to be tried: 24 MB.
@@ -67,9 +67,9 @@ def searched(start: Fitted, least: float) -> Trial:
     best = Trial(start, None, prediction_errors(start))
     signals = inner_signals(start)
     targets, variables = signals.targets(), signals.variables()
-    targets = _likely(best, targets, variables, least)
+    targets = _likely(best, signals, targets, variables, least)
     while best.terms < MOST_TERMS:
-        columns = [_columns(best, target, _blocks(best, variables)) for target in targets]
+        columns = term_columns(signals, targets, _terms(best, variables))
         promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
         # of equals the first counts: the first quantity, and the shortest text
         promising.sort(key=lambda one: (targets.index(one.target), sum(term.form.length for term in one.terms)))
@@ -81,15 +81,17 @@ def searched(start: Fitted, least: float) -> Trial:
         chosen = simplest([best, *(one for one in tried if one is not None)], least)
         if chosen is best or chosen.effect is None:
             break
-        best, targets = chosen, [chosen.effect.target]
+        best, targets, signals = chosen, [chosen.effect.target], inner_signals(chosen.fitted)
     return _pruned(start, best, least)
 
 
-def _likely(best: Trial, targets: Sequence[Target], variables: Sequence[Variable], least: float) -> list[Target]:
+def _likely(
+    best: Trial, signals: InnerSignals, targets: Sequence[Target], variables: Sequence[Variable], least: float
+) -> list[Target]:
     """The quantities on which a term without memory predicts best, in their order: those with memory are dear."""
     if len(targets) <= _QUANTITIES:
         return list(targets)
-    columns = [_columns(best, target, [static_terms(variables)]) for target in targets]
+    columns = term_columns(signals, targets, static_terms(variables))
     errors = [min((one.error for one in selections(best.fitted, own, least, 1)), default=np.inf) for own in columns]
     return [targets[k] for k in sorted(np.argsort(errors, kind="stable")[:_QUANTITIES])]
 
@@ -120,29 +122,16 @@ def simplest(trials: Sequence[Trial], least: float) -> Trial:
     return ranked[fewest(np.array([one.errors for one in ranked]), least)]
 
 
-def _blocks(best: Trial, variables: Sequence[Variable]) -> list[list[Term]]:
-    """The terms, those of one block together: without memory, and with one of the same time constant or length."""
+def _terms(best: Trial, variables: Sequence[Variable]) -> list[Term]:
+    """Terms without memory, and with one over times and lengths from samples to the record."""
     records = [w for _, _, w in best.fitted.hypothesis.observed.records]
     shortest = 2 * min(w.step for w in records)
     longest = 0.5 * float(np.median([w.step * w.count for w in records]))
-    memory, hysteresis = memory_terms(variables, shortest, longest), hysteresis_terms(variables)
-    blocks = [static_terms(variables), *memory, *hysteresis]
-    if sum(map(len, blocks)) * len(best.fitted.residual) <= _NUMBERS:
-        return blocks
-    return [[one for one in own if one.y in (None, one.x) or not one.form.drives] for own in blocks]
-
-
-def _columns(best: Trial, target: Target, blocks: Sequence[list[Term]]) -> Columns:
-    """What every term would add to the outputs, beside those that are there."""
-    model = best.fitted.hypothesis
-    # the terms act in the dynamic tests: the stages stay as they are
-    alone = replace(best.fitted, hypothesis=replace(model, observed=replace(model.observed, calibrations=())))
-    terms, rows = [], []
-    for own in blocks:
-        found = prepare(alone, block(target, own), model.effects)
-        terms += own
-        rows.append(found.sensitivities[0][: len(model.observed.measured)])
-    return Columns(target, tuple(terms), np.concatenate(rows, axis=1))
+    groups = [static_terms(variables), *memory_terms(variables, shortest, longest), *hysteresis_terms(variables)]
+    terms = [one for own in groups for one in own]
+    if len(terms) * len(best.fitted.residual) <= _NUMBERS:
+        return terms
+    return [one for one in terms if one.y in (None, one.x) or not one.form.drives]
 
 
 def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:

@@ -14,6 +14,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.integration import stable
+from mofit.diagnosis.term_rows import Columns
 from mofit.diagnosis.terms import Term
 from mofit.diagnosis.whitened_data import WhitenedData
 
@@ -23,15 +24,6 @@ MOST_TERMS = 3
 _BLOCKS = 5
 #: Share of its length that must be left of a column beside the parameters' and those chosen.
 _LEAST_LEFT = 1e-3
-
-
-@dataclass(frozen=True)
-class Columns:
-    """Terms on a quantity, and their whitened rows (m, K)."""
-
-    target: Target
-    terms: tuple[Term, ...]
-    rows: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,24 +112,22 @@ class _Chosen:
 class _Step(_Chosen):
     """A step of forward selection.
 
-    The squares left of the held fold with one more column, (K,), and the elimination that leads to the next step.
+    The squares left of the held fold with one more column, (K,), and the elimination that leads to the next step:
+    every column and the residual beside the parameters and those chosen, ``turned`` (d + K + 1, K + 1), and their
+    products in training, ``left``, and on the held fold, ``still``.
     """
 
     singles: FloatArray
     turned: FloatArray
     left: FloatArray
+    still: FloatArray
 
 
 def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_Step]:
     """Forward selection on products ``train`` of d parameters, K terms and the residual, tested on those ``held``."""
-    count = len(train) - free
-    # every column beside the parameters; the last one is the residual
-    turned = np.zeros((len(train), count))
-    turned[:free] = -np.linalg.pinv(train[:free, :free], rcond=1e-12, hermitian=True) @ train[:free, free:]
-    turned[free:] = np.eye(count)
-    steps = [_step((), turned, train, held)]
+    steps = [_beside_parameters(train, held, free)]
     length = np.diag(train)[free:-1]
-    for _ in range(min(most, count - 1)):
+    for _ in range(min(most, len(length))):
         last = steps[-1]
         power = np.diag(last.left)[:-1]
         fresh = power > _LEAST_LEFT**2 * length
@@ -145,15 +135,32 @@ def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_St
         gain = np.where(fresh, last.left[:-1, -1] ** 2 / np.where(fresh, power, 1.0), 0.0)
         if not np.any(gain > 0):
             break
-        steps.append(_added(last, int(np.argmax(gain)), train, held))
+        steps.append(_added(last, int(np.argmax(gain))))
     return [*steps, *[steps[-1]] * (most + 1 - len(steps))]
 
 
-def _added(step: _Step, k: int, train: FloatArray, held: FloatArray) -> _Step:
+def _beside_parameters(train: FloatArray, held: FloatArray, free: int) -> _Step:
+    """The first step; the last column is the residual."""
+    own = -np.linalg.pinv(train[:free, :free], rcond=1e-12, hermitian=True) @ train[:free, free:]
+    turned = np.concatenate([own, np.eye(len(train) - free)])
+    left = train[free:, free:] + train[free:, :free] @ own
+    mixed = held[free:, :free] @ own
+    return _step((), turned, left, held[free:, free:] + mixed + mixed.T + own.T @ held[:free, :free] @ own)
+
+
+def _added(step: _Step, k: int) -> _Step:
     """The step after one more column: all others beside it."""
     share = step.left[k] / step.left[k, k]
     share[k] = 0.0
-    return _step((*step.chosen, k), step.turned - np.outer(step.turned[:, k], share), train, held)
+    chosen = (*step.chosen, k)
+    left, still = (_eliminated(products, k, share) for products in (step.left, step.still))
+    return _step(chosen, step.turned - np.outer(step.turned[:, k], share), left, still)
+
+
+def _eliminated(products: FloatArray, k: int, share: FloatArray) -> FloatArray:
+    """Products of columns less their shares of column k."""
+    mixed = np.outer(products[:, k], share)
+    return products - mixed - mixed.T + products[k, k] * np.outer(share, share)
 
 
 def _alone(first: _Step, k: int, held: FloatArray) -> _Chosen:
@@ -162,12 +169,11 @@ def _alone(first: _Step, k: int, held: FloatArray) -> _Chosen:
     return _Chosen((k,), -last[:-1], float(last @ held @ last))
 
 
-def _step(chosen: tuple[int, ...], turned: FloatArray, train: FloatArray, held: FloatArray) -> _Step:
-    left, still = turned.T @ train @ turned, turned.T @ held @ turned
+def _step(chosen: tuple[int, ...], turned: FloatArray, left: FloatArray, still: FloatArray) -> _Step:
     power = np.diag(left)[:-1]
     size = np.where(power > 0, left[:-1, -1] / np.where(power > 0, power, 1.0), 0.0)
     singles = still[-1, -1] - 2 * size * still[:-1, -1] + size**2 * np.diag(still)[:-1]
-    return _Step(chosen, -turned[:-1, -1], float(still[-1, -1]), singles, turned, left)
+    return _Step(chosen, -turned[:-1, -1], float(still[-1, -1]), singles, turned, left, still)
 
 
 def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArray, FloatArray]:

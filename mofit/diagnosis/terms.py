@@ -233,16 +233,25 @@ class TermEffect(Effect):
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """The quantity with the terms."""
-        names = {"ca": ca, "s": s, **{one.name: getattr(s, one.name) / one.scale for one in self.variables}}
-
-        def evaluated(line: str) -> ca.SX:
-            return ca.SX(eval(line, names))  # the lines are those of this module's forms
-
+        terms, drives, starts = self.evaluated(s)
+        states = [one.state for one in self.stateful]
         return Applied(
-            value + sum(evaluated(placed.text) for placed in self.terms),
-            {one.state: evaluated(one.drives) for one in self.stateful},
-            {one.state: evaluated(one.starts) for one in self.stateful},
+            value + sum(terms),
+            dict(zip(states, drives, strict=True)),
+            dict(zip(states, starts, strict=True)),
         )
+
+    def evaluated(self, s: Any) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """What every term adds; and of every state its derivative and its initial value."""
+        names = {"ca": ca, "s": s, **{one.name: getattr(s, one.name) / one.scale for one in self.variables}}
+        texts = (
+            [placed.text for placed in self.terms],
+            [one.drives for one in self.stateful],
+            [one.starts for one in self.stateful],
+        )
+        # the lines are those of this module's forms
+        terms, drives, starts = ([ca.SX(eval(line, names)) for line in lines] for lines in texts)
+        return terms, drives, starts
 
 
 def block(target: Target, terms: Sequence[Term]) -> TermEffect:

@@ -116,11 +116,8 @@ def _object(what: object, text: Callable[[], str], target: Host) -> bytes:
     key = sha256(repr((what, *versions)).encode()).hexdigest()
     code = load_code(key)
     if code is None:
+        # what passes over the text would simplify is simple already: they double the time and gain nothing
         module = llvm.parse_assembly(text())
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
-        options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = False
-        builder = llvm.create_pass_builder(target.machine, options)
-        builder.getModulePassManager().run(module, builder)
         code = target.machine.emit_object(module)
         keep_code(key, code)
     return code

@@ -1,0 +1,49 @@
+"""Local refinement that ends early where the minimum cannot count."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mofit._typing import FloatArray
+from mofit.errors import InputError
+from mofit.optimize import Minimum, RefineSettings, merge, refine
+from mofit.optimize.levenberg_marquardt import Evaluate
+
+#: Iterations after which it is asked which starts may still come down to the limit: most are near their end by then.
+_FIRST = 8
+#: Share of what a start lacks of the limit that a Newton step must gain: with less, hardly anything will change.
+_HOPELESS = 0.05
+
+
+def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
+    """The best minimum from starts (K, d) of the unit cube.
+
+    ``limit`` is the value that counts: a start far above it ends where a Newton step hardly gains anything.
+
+    Raises
+    ------
+    InputError
+        If no start can be evaluated.
+    """
+    most = settings.max_iterations
+    first = min(_FIRST, most) if np.isfinite(limit) else most
+    points, found = np.clip(np.atleast_2d(starts), 0.0, 1.0), list[Minimum]()
+    for iterations in (first, most - first):
+        if not (iterations and len(points)):
+            break
+        refined = refine(evaluate, points, replace(settings, max_iterations=iterations))
+        found += merge(refined)
+        unfinished = np.array([status == "limit" for status in refined.status])
+        points = refined.points[unfinished & _may_win(refined.values, refined.gradients, refined.hessians, limit)]
+    if not found:
+        raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
+    return min(found, key=lambda one: one.value)
+
+
+def _may_win(values: FloatArray, gradients: FloatArray, hessians: FloatArray, limit: float) -> NDArray[np.bool_]:
+    """Which points lack so little of the limit, or gain so much by a Newton step, that they may come down to it."""
+    steps = np.linalg.solve(hessians + np.eye(gradients.shape[1]), gradients[..., None])[..., 0]
+    return np.asarray(0.5 * np.sum(gradients * steps, axis=1) > _HOPELESS * (values - limit))

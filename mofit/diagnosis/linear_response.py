@@ -1,0 +1,140 @@
+r"""What signals that are added to quantities change in a fitted model's outputs: its motion, linearised.
+
+.. math:: \dot{\delta x} = A(t)\, \delta x + b(t)\, w(t), \qquad \delta y = C(t)\, \delta x + d(t)\, w(t)
+
+with the derivatives A, b, C, d along the fitted motion and an added signal w. Between two samples A is its mean and
+:math:`b w` a straight line; the step of that is exact, however stiff.
+
+References
+----------
+Hochbruck, Ostermann: Exponential integrators. Acta Numerica 19 (2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import factorial
+
+import casadi as ca
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.models import System
+
+#: Terms of the Taylor series at a norm of at most 1/2: their rest is below 1e-12.
+_TAYLOR = 10
+#: Most doublings from there.
+_DOUBLINGS = 60
+#: Most numbers in the states that are kept at once: 80 MB.
+_NUMBERS = 1e7
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A simulated test: states (n, x) and inputs (n, u) at every sample, parameters (p,) and conditions (c,)."""
+
+    step: float
+    states: FloatArray
+    inputs: FloatArray
+    parameters: FloatArray
+    conditions: FloatArray
+
+
+@dataclass(frozen=True)
+class LinearResponse:
+    """The linearised motion of a test.
+
+    Parameters
+    ----------
+    advance
+        From sample to sample, (n - 1, x, x).
+    here, there
+        What of ``b w`` at the sample and at the next one arrives there, (n - 1, x, x) each.
+    driven, seen, direct
+        Derivatives b (n, x, q), C (n, y, x) and d (n, y, q), for q quantities.
+    start
+        Derivative of the initial state, (x, q).
+    """
+
+    advance: FloatArray
+    here: FloatArray
+    there: FloatArray
+    driven: FloatArray
+    seen: FloatArray
+    direct: FloatArray
+    start: FloatArray
+
+    def of(self, quantity: int, added: FloatArray) -> FloatArray:
+        """Change of the outputs (n, y, K) by signals (n, K) that are added to a quantity, by its index."""
+        found = self.direct[:, :, quantity, None] * added[:, None]
+        if not self.start.size:
+            return found
+        state = self.start[:, quantity, None] * added[0]
+        found[0] += self.seen[0] @ state
+        count = max(int(_NUMBERS / (len(state) * added.shape[1])), 1)
+        for first in range(0, len(self.advance), count):
+            steps = slice(first, min(first + count, len(self.advance)))
+            ends = slice(steps.start + 1, steps.stop + 1)
+            drive = self.driven[first : ends.stop, :, quantity, None] * added[first : ends.stop, None]
+            states = self.here[steps] @ drive[:-1] + self.there[steps] @ drive[1:]
+            for k, advance in enumerate(self.advance[steps]):
+                states[k] += advance @ state
+                state = states[k]
+            found[ends] += self.seen[ends] @ states
+        return found
+
+
+class Linearised:
+    """Derivatives of a system's rates, outputs and initial state by its states and by some of its parameters."""
+
+    def __init__(self, system: System, parameters: Sequence[str]) -> None:
+        groups = {"x": system.states, "u": system.inputs, "p": system.parameters, "c": system.conditions}
+        x, u, p, c = (ca.SX.sym(name, len(group)) for name, group in groups.items())
+        by = p[[system.parameters.index(name) for name in parameters]]
+        wanted = [ca.jacobian(of(x, u, p, c), one) for of in (system.rhs, system.out) for one in (x, by)]
+        self._slopes = ca.Function("slopes", [x, u, p, c], [ca.densify(one) for one in wanted])
+        self._start = ca.Function("start", [u, p, c], [ca.densify(ca.jacobian(system.initial(u, p, c), by))])
+
+    def along(self, motion: Motion) -> list[FloatArray]:
+        """A (n, x, x), b (n, x, q), C (n, y, x) and d (n, y, q) at every sample."""
+        return at_samples(self._slopes, motion.states, motion.inputs, motion.parameters, motion.conditions)
+
+    def response(self, motion: Motion) -> LinearResponse:
+        """The linearised motion, each of the parameters being what is added to a quantity."""
+        rates, driven, seen, direct = self.along(motion)
+        start = np.array(self._start(motion.inputs[0], motion.parameters, motion.conditions))
+        step, means = motion.step, 0.5 * (rates[:-1] + rates[1:])
+        whole, first, second = phi_functions(step * means)
+        return LinearResponse(whole, step * (first - second), step * second, driven, seen, direct, start)
+
+
+def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray]:
+    """Values (n, rows, columns) of a function of vectors; an argument is (n, size), or (size,) where it is constant."""
+    count = len(arguments[0])
+    found = function.map(count).call([ca.DM(np.broadcast_to(one, (count, one.shape[-1])).T) for one in arguments])
+    shapes = [function.size_out(k) for k in range(function.n_out())]
+    return [
+        np.array(value).reshape(rows, count, columns).transpose(1, 0, 2)
+        for value, (rows, columns) in zip(found, shapes, strict=True)
+    ]
+
+
+def phi_functions(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    r"""Of matrices z (n, x, x): :math:`e^z`, :math:`\varphi_1 = (e^z - 1)/z` and :math:`\varphi_2 = (\varphi_1 - 1)/z`.
+
+    By Taylor's series of the matrices halved often enough, doubled again.
+    """
+    norm = float(np.abs(matrices).sum(axis=-1).max(initial=0.0))
+    halvings = min(max(int(np.ceil(np.log2(2 * norm))), 0), _DOUBLINGS) if 0 < norm < np.inf else 0
+    small, unit = matrices / 2.0**halvings, np.eye(matrices.shape[-1])
+    second = np.broadcast_to(unit / factorial(_TAYLOR + 2), matrices.shape)
+    for order in reversed(range(_TAYLOR)):
+        second = unit / factorial(order + 2) + small @ second
+    first = unit + small @ second
+    for _ in range(halvings):
+        whole = unit + small @ first
+        second = 0.25 * (first @ first + 2 * second)
+        first = 0.5 * (whole + unit) @ first
+        small = 2 * small
+    return unit + small @ first, first, second

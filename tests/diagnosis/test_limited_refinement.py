@@ -1,0 +1,61 @@
+"""A refinement with a limit: the same minimum where it counts, few evaluations where it cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.errors import InputError
+from mofit.optimize import RefineSettings
+
+FLOOR = 5000.0
+START = np.array([[0.1, 0.9]])
+
+
+class Valley:
+    """Rosenbrock's valley over the unit square, with a floor; its minimum is at x = y = 3/4."""
+
+    def __init__(self) -> None:
+        self.evaluations = 0
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self.evaluations += len(points)
+        x, y = (4 * points - 2).T
+        residual = np.stack([100 * (y - x**2), 1 - x], axis=1)
+        jacobian = 4 * np.stack([np.stack([-200 * x, 100 + 0 * x], 1), np.stack([-1 + 0 * x, 0 * x], 1)], axis=1)
+        gradient = np.einsum("kij,ki->kj", jacobian, residual)
+        return FLOOR + 0.5 * np.sum(residual**2, axis=1), gradient, np.einsum("kij,kil->kjl", jacobian, jacobian)
+
+
+def refined(limit: float) -> tuple[float, np.ndarray, int]:
+    valley = Valley()
+    found = best_minimum(valley, START, RefineSettings(), limit)
+    return found.value, found.point, valley.evaluations
+
+
+@pytest.mark.parametrize("limit", [np.inf, FLOOR, FLOOR + 60])
+def test_what_may_reach_the_limit_is_fitted_in_full(limit: float) -> None:
+    value, point, _ = refined(limit)
+    assert value == pytest.approx(FLOOR, abs=1e-6)
+    np.testing.assert_allclose(point, 0.75, atol=1e-4)
+
+
+def test_what_cannot_reach_it_ends_early_and_hardly_above() -> None:
+    value, _, evaluations = refined(0.0)
+    assert evaluations < refined(np.inf)[2] / 2
+    assert FLOOR < value < 1.01 * FLOOR
+
+
+def test_the_best_of_several_starts_counts() -> None:
+    found = best_minimum(Valley(), np.array([[0.1, 0.9], [0.74, 0.74]]), RefineSettings(), FLOOR)
+    assert found.value == pytest.approx(FLOOR, abs=1e-6)
+
+
+def test_starts_that_cannot_be_evaluated_are_told() -> None:
+    def fails(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        value, gradient, hessian = Valley()(points)
+        return np.nan * value, gradient, hessian
+
+    with pytest.raises(InputError):
+        best_minimum(fails, START, RefineSettings(), 0.0)
