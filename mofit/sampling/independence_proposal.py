@@ -15,8 +15,10 @@ from mofit.sampling.bend import Bend, fitted_bend
 
 FIRST_FREEDOM = 5.0
 """Degrees of freedom of a proposal that is not fitted to draws."""
-DEGREES_OF_FREEDOM = (3.0, 5.0, 10.0, 20.0)
-"""Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show."""
+DEGREES_OF_FREEDOM = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0)
+"""Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show. Where
+the noise is known from few degrees of freedom, the posterior has tails of its own, which those of q must not fall
+below: a posterior whose noise has 2 of them needs fewer."""
 MOST_COMPONENTS = 16
 """Each needs some dozens of draws to be fitted to."""
 WORTHWHILE = 0.9
