@@ -43,6 +43,8 @@ class Case:
     wanted: str = ""
     evaluations: int | None = None
     scopes: dict[str, str] = field(default_factory=dict)
+    remark: str = ""
+    """What is to be said of the figures wanted."""
 
     def settings(self, seed: int) -> Settings:
         """Those of the identification; all else is as shipped."""

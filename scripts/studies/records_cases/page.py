@@ -40,7 +40,11 @@ def section(case: Case, row: dict[str, Any]) -> list[str]:
     doc = " ".join((case.model.__doc__ or "").split("\n\n")[0].split())
     lines = [f"## {case.title}", "", doc, "", f"`python scripts/studies/records.py --only {case.name}`", ""]
     lines += table(("parameter", "unit", "best", "mean", "sd", "verdict"), cells)
-    lines += [f"- Wanted: {case.wanted}.", f"- Fit: {row['fit']['rms']:.4g} {unit}, NRMSD {row['fit']['nrmsd']:.2f} %."]
+    lines += [
+        f"- Wanted: {case.wanted}.",
+        *([f"- {case.remark}"] if case.remark else []),
+        f"- Fit: {row['fit']['rms']:.4g} {unit}, NRMSD {row['fit']['nrmsd']:.2f} %.",
+    ]
     for test, found in row["predictions"].items():
         lines.append(
             f"- Prediction of `{test}`: {found['rms']:.4g} {unit} (NRMSD {found['nrmsd']:.2f} %) at the best point, "
@@ -48,6 +52,13 @@ def section(case: Case, row: dict[str, Any]) -> list[str]:
             f"{found['covered']:.0f} % of the samples in the 90 % band."
         )
     lines.append(f"- {row['cpu']:.1f} s ({parts}); converged: {yes(row['converged'])}; modes: {len(row['modes'])}.")
+    if len(row["modes"]) > 1:
+        fits = (
+            f"{mode['id']} {', '.join(f'{100 * share:.2f} %' for share in mode['nrmsd'].values())}, "
+            f"probability {mode['probability']:.2f}"
+            for mode in row["modes"]
+        )
+        lines.append(f"- NRMSD of the modes: {'; '.join(fits)}.")
     lines += [f"- Said: {text}" for text in dict.fromkeys(row["warnings"])]
     return [*lines, ""]
 
