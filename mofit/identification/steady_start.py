@@ -52,7 +52,7 @@ def led_in(
         if found is None or not value - found.value > WORTH:
             break
         best, point, value = led, found.point, found.value
-    return None if best is setup else (_where_better(posterior.main, best, point), point)
+    return None if best is setup else (_where_better(posterior.main, _shortened(best, point), point), point)
 
 
 def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
@@ -87,6 +87,20 @@ def _depends_on_start(now: Problem, led: Problem, point: FloatArray) -> bool:
         for output in experiment.fitted
     ]
     return not float(now.noise.weights @ np.array(seen)) <= _CHANGE**2
+
+
+def _shortened(led: ProblemSetup, point: FloatArray) -> ProblemSetup:
+    """The problem with the least lead that leaves the outputs as they are: the model's memory, not the record, counts.
+
+    Every simulation to come takes the lead along, and a record may be far longer than what a model remembers.
+    """
+    best, whole = led, led.posterior.main.with_noise_at(point)
+    while max(best.leads.values()) > max(test.experiment.step for test in whole.measurements):
+        shorter = replace(led, leads={name: lead / 2 for name, lead in best.leads.items()})
+        if _depends_on_start(whole, shorter.posterior.main, point):
+            break
+        best = shorter
+    return best
 
 
 def _where_better(before: Problem, led: ProblemSetup, point: FloatArray) -> ProblemSetup:

@@ -173,6 +173,7 @@ def _does_not_mix(steps: int, tau: float, earlier: float, settings: SampleSettin
     if steps < settings.fewest_steps or not np.isfinite(tau) or not np.isfinite(earlier):
         return False
     grows = steps >= 2 * settings.fewest_steps and tau > settings.growth * earlier
+    grows = grows and settings.tau_multiple * tau * tau / earlier > settings.max_steps  # grown as much once more
     return grows or settings.tau_multiple * min(tau, earlier) > settings.max_steps
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.errors import InputError
 from mofit.runtime.files import atomic_path
+from mofit.sampling.bend import Bend
 from mofit.sampling.ensemble import Ensemble
 from mofit.sampling.independence_proposal import StudentTMixture
 from mofit.sampling.state import Run
@@ -27,6 +28,8 @@ _FACTS: dict[str, Callable[[Any], Any]] = {
 }  # fmt: skip
 #: data sets of its proposal, in `StudentTMixture`
 _PROPOSAL = ("weights", "means", "scales", "freedom")
+#: those of its bend, if it has one, in `Bend`
+_BEND = ("centre", "axes", "terms")
 #: data sets of an ensemble's group, as emcee's HDFBackend names them, and their names in `Ensemble`
 _ARRAYS = {
     "accepted": "accepted",
@@ -129,6 +132,9 @@ class Checkpoints:
         group.attrs["centre"] = self.centre
         for name in _PROPOSAL:
             group[f"proposal/{name}"] = getattr(run.proposal, name)
+        if run.proposal.bend is not None:
+            for name in _BEND:
+                group[f"proposal/bend/{name}"] = getattr(run.proposal.bend, name)
         for name in _FACTS:
             group.attrs[name] = getattr(run, name)
         for number, ensemble in enumerate(run.ensembles):
@@ -154,9 +160,11 @@ def _write_ensemble(group: h5py.Group, ensemble: Ensemble) -> None:
 
 def _read(group: h5py.Group) -> Run:
     names = sorted((name for name in group if name.startswith("ensemble")), key=lambda name: int(name[8:]))
+    stored = group["proposal"]
+    bend = Bend(**{name: stored[f"bend/{name}"][()] for name in _BEND}) if "bend" in stored else None
     return Run(
         ensembles=tuple(_read_ensemble(group[name]) for name in names),
-        proposal=StudentTMixture(**{name: group[f"proposal/{name}"][()] for name in _PROPOSAL}),
+        proposal=StudentTMixture(**{name: stored[name][()] for name in _PROPOSAL}, bend=bend),
         **{name: kind(group.attrs[name]) for name, kind in _FACTS.items()},
     )
 

@@ -11,15 +11,20 @@ from scipy.linalg import eigh
 from scipy.special import gammaln, logsumexp
 
 from mofit._typing import FloatArray
+from mofit.sampling.bend import Bend, fitted_bend
 
 FIRST_FREEDOM = 5.0
 """Degrees of freedom of a proposal that is not fitted to draws."""
-DEGREES_OF_FREEDOM = (3.0, 5.0, 10.0, 20.0)
-"""Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show."""
+DEGREES_OF_FREEDOM = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0)
+"""Degrees of freedom tried: heavy tails for any shape, to lighter ones that forgive what few draws don't show. Where
+the noise is known from few degrees of freedom, the posterior has tails of its own, which those of q must not fall
+below: a posterior whose noise has 2 of them needs fewer."""
 MOST_COMPONENTS = 16
 """Each needs some dozens of draws to be fitted to."""
 WORTHWHILE = 0.9
-"""Twice as many components are kept if they shorten the autocorrelation by a tenth."""
+"""Twice as many components, or a bend, are kept if they shorten the autocorrelation by a tenth."""
+QUICK = 3.0
+"""Autocorrelation time, in steps, up to which a mixture is good enough without a bend."""
 
 
 def in_cube(points: FloatArray) -> NDArray[np.bool_]:
@@ -42,12 +47,15 @@ class StudentTMixture:
         mu (K, d) and the scale matrices S (K, d, d), positive definite.
     freedom
         nu, degrees of freedom.
+    bend
+        Shear whose straight coordinates the mixture is in; none: those of the cube.
     """
 
     weights: FloatArray
     means: FloatArray
     scales: FloatArray
     freedom: float
+    bend: Bend | None = None
 
     @classmethod
     def single(cls, mean: FloatArray, scale: FloatArray, freedom: float) -> StudentTMixture:
@@ -83,7 +91,8 @@ class StudentTMixture:
 
     def log_density(self, points: FloatArray) -> FloatArray:
         """Log density at points (n, d), shape (n,)."""
-        gaps = points[None] - self.means[:, None]
+        places = points if self.bend is None else self.bend.straight(points)
+        gaps = places[None] - self.means[:, None]
         distance = np.sum((gaps @ self._whiteners.transpose(0, 2, 1)) ** 2, axis=2)
         logs = self._constants[:, None] - (self.freedom + points.shape[1]) / 2 * np.log1p(distance / self.freedom)
         return np.asarray(logs[0] if len(logs) == 1 else logsumexp(logs, axis=0))
@@ -96,7 +105,8 @@ class StudentTMixture:
         for k in range(len(self.weights)):
             steps[which == k] = steps[which == k] @ self._factors[k].T
         stretch = np.sqrt(random.chisquare(self.freedom, count) / self.freedom)
-        return np.asarray(self.means[which] + steps / stretch[:, None])
+        drawn = np.asarray(self.means[which] + steps / stretch[:, None])
+        return drawn if self.bend is None else self.bend.bent(drawn)
 
     def draw_inside(self, random: np.random.RandomState, count: int, rounds: int = 64) -> FloatArray:
         """Draws cut off at the faces of the unit cube, shape (count, d).
@@ -165,26 +175,43 @@ def best_proposal(
     """
     judging = np.arange(len(points)) % 4 < 2
 
-    def judge(shape: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[float, float]:
+    def judged(mixture: StudentTMixture) -> tuple[float, float]:
         """Least predicted time, and the degrees of freedom that it takes."""
         return min(
-            (predicted_time(StudentTMixture(*shape, nu), points[judging], log_prob[judging]), nu)
+            (predicted_time(replace(mixture, freedom=nu), points[judging], log_prob[judging]), nu)
             for nu in DEGREES_OF_FREEDOM
         )
 
-    best, freedom = np.inf, FIRST_FREEDOM
-    if former is not None:
-        shape = former.weights, former.means, former.scales
-        best, freedom = judge(shape)
-    components = 1
-    while components <= MOST_COMPONENTS:
-        time, nu = judge(fitted_mixture(points[~judging], components))
-        if time < best * (1.0 if components == 1 else WORTHWHILE):
-            best, freedom, shape = time, nu, fitted_mixture(points, components)
-        elif components > 1:
+    found, best = former, np.inf
+    if found is not None:
+        best, nu = judged(found)
+        found = replace(found, freedom=nu)
+    for bending in (False, True):
+        if bending and best <= QUICK:
             break
-        components *= 2
-    return StudentTMixture(*shape, freedom), best
+        components = 1
+        while components <= MOST_COMPONENTS:
+            tried = _fitted(points[~judging], components, bending)
+            if tried is None:
+                break
+            time, nu = judged(tried)
+            if time < best * (1.0 if components == 1 and not bending else WORTHWHILE):
+                whole = _fitted(points, components, bending)
+                best, found = time, None if whole is None else replace(whole, freedom=nu)
+            elif components > 1:
+                break
+            components *= 2
+    assert found is not None  # a time is finite
+    return found, best
+
+
+def _fitted(points: FloatArray, components: int, bending: bool) -> StudentTMixture | None:
+    """A mixture fitted to draws (n, d), in straight coordinates if asked for; None if those can't be had."""
+    bend = fitted_bend(points) if bending else None
+    if bending and bend is None:
+        return None
+    places = points if bend is None else bend.straight(points)
+    return StudentTMixture(*fitted_mixture(places, components), FIRST_FREEDOM, bend)
 
 
 def fitted_mixture(

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.sampling.bend import Bend
 from mofit.sampling.independence_proposal import StudentTMixture
 from mofit.sampling.settings import SampleSettings
 
@@ -84,6 +85,20 @@ class SnookerMove:
         return new, (s.shape[1] - 1) * np.log(ratio)
 
 
+class StraightenedMove:
+    """Another move in the straight coordinates of a bent posterior; its Hastings factor stays, see `Bend`."""
+
+    def __init__(self, move: Move, bend: Bend) -> None:
+        self.move, self.bend, self.nsplits = move, bend, move.nsplits
+
+    def get_proposal(
+        self, s: FloatArray, c: list[FloatArray], random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        """See `Move`."""
+        new, factor = self.move.get_proposal(self.bend.straight(s), [self.bend.straight(part) for part in c], random)
+        return self.bend.bent(new), factor
+
+
 def moves(proposal: StudentTMixture, time: float, settings: SampleSettings) -> list[tuple[Move, float]]:
     """Moves and their shares of the steps; `time` is the proposal's predicted autocorrelation time."""
     from emcee.moves import DEMove, StretchMove  # late: emcee imports scipy.stats, which takes half a second
@@ -91,10 +106,12 @@ def moves(proposal: StudentTMixture, time: float, settings: SampleSettings) -> l
     independence = settings.independence * min(1.0, settings.tolerated_time / time)
     differential = DEMove()
     differential.setup(proposal.means)  # step length for this number of parameters
-    mixture: list[tuple[Move, float]] = [
-        (IndependenceMove(proposal), independence),
+    local: list[tuple[Move, float]] = [
         (differential, settings.differential),
         (StretchMove(), settings.stretch),
         (SnookerMove(), settings.snooker),
     ]
+    if proposal.bend is not None:
+        local = [(StraightenedMove(move, proposal.bend), share) for move, share in local]
+    mixture = [(IndependenceMove(proposal), independence), *local]
     return [(move, share) for move, share in mixture if share > 0]

@@ -33,7 +33,8 @@ class SampleSettings:
     """Steps before a chain is given up whose autocorrelation time shows that the most steps would not do."""
     growth: float = 1.7
     """The same from twice as many steps on where the autocorrelation time has grown so much since the last check, when
-    the chain was half as long: that of a chain which mixes settles within some twenty of it."""
+    the chain was half as long, and would be too long if it grew as much once more: that of a chain which mixes settles
+    within some twenty of it."""
     round_steps: int = 12
     """Fewest steps of one round of burn-in, after which the independent proposal is adapted."""
     min_rounds: int = 5

@@ -10,7 +10,8 @@ its 90 % band is that of the draws together with the residual of the identified 
 tanks was chosen among some ten with the error on the validation record in view, and so were the ranges of the tanks:
 what is predicted there is no blind figure. The law of the cells' resistances is one from the literature, taken after
 a polynomial had left 1.2 %; the ranges of the Silverbox lie around the peak of its measured response. Seconds are
-wall times of this machine, with those to compile the model and to write result and report. The last table has other
+those of the processor, on all its cores, with those to compile the model and to write the result; the report is drawn
+by a process of its own, which is not counted. The last table has other
 programs on the same records and equations, which they integrate by scipy's solve_ivp; they give a best fit and no
 posterior.
 

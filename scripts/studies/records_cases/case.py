@@ -43,6 +43,8 @@ class Case:
     wanted: str = ""
     evaluations: int | None = None
     scopes: dict[str, str] = field(default_factory=dict)
+    remark: str = ""
+    """What is to be said of the figures wanted."""
 
     def settings(self, seed: int) -> Settings:
         """Those of the identification; all else is as shipped."""
@@ -72,10 +74,10 @@ def run(case: Case, data: Path, work: Path, seed: int) -> dict:
         shutil.rmtree(rest, ignore_errors=True)
     campaign = case.campaign(data)
     tests = tuple(filter(case.fitted, campaign.tests))
-    began = time.perf_counter()
+    began = time.process_time()
     _, tree = identify(campaign, case.model(), case.settings(seed), tests=tests, out=folder)
-    seconds = time.perf_counter() - began
-    found = {"wall": seconds, **summary(open_result(folder), folder)}
+    seconds = time.process_time() - began
+    found = {"cpu": seconds, **summary(open_result(folder), folder)}
     found["fit"] = _fit(tree, case, tests)
     found["predictions"] = {
         test: prediction(case.model(), campaign.select([test]), tree, case.unit[1]) for test in case.predicted

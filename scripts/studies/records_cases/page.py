@@ -22,7 +22,7 @@ def summary_table(rows: Rows) -> list[str]:
         )  # fmt: skip
         cells.append([
             case.title, f"{row['fit']['rms']:.3g} {unit}", f"{row['fit']['nrmsd']:.2f}", *about,
-            f"{row['wall']:.1f}", yes(row["converged"]), case.wanted,
+            f"{row['cpu']:.1f}", yes(row["converged"]), case.wanted,
         ])  # fmt: skip
     return table(head, cells)
 
@@ -35,18 +35,30 @@ def section(case: Case, row: dict[str, Any]) -> list[str]:
         for name, entry in best["parameters"].items()
     ]
     seconds = row["seconds"]
-    parts = ", ".join(f"{key} {seconds[key]:.1f}" for key in ("search", "refine", "sample") if key in seconds)
+    shares = {key: 100 * seconds[key] / seconds["total"] for key in ("search", "refine", "sample") if key in seconds}
+    parts = ", ".join(f"{key} {share:.0f} %" for key, share in shares.items())
     doc = " ".join((case.model.__doc__ or "").split("\n\n")[0].split())
     lines = [f"## {case.title}", "", doc, "", f"`python scripts/studies/records.py --only {case.name}`", ""]
     lines += table(("parameter", "unit", "best", "mean", "sd", "verdict"), cells)
-    lines += [f"- Wanted: {case.wanted}.", f"- Fit: {row['fit']['rms']:.4g} {unit}, NRMSD {row['fit']['nrmsd']:.2f} %."]
+    lines += [
+        f"- Wanted: {case.wanted}.",
+        *([f"- {case.remark}"] if case.remark else []),
+        f"- Fit: {row['fit']['rms']:.4g} {unit}, NRMSD {row['fit']['nrmsd']:.2f} %.",
+    ]
     for test, found in row["predictions"].items():
         lines.append(
             f"- Prediction of `{test}`: {found['rms']:.4g} {unit} (NRMSD {found['nrmsd']:.2f} %) at the best point, "
             f"{found['rms_of_mean']:.4g} {unit} (NRMSD {found['nrmsd_of_mean']:.2f} %) by the mean of the draws; "
             f"{found['covered']:.0f} % of the samples in the 90 % band."
         )
-    lines.append(f"- {row['wall']:.1f} s ({parts}); converged: {yes(row['converged'])}; modes: {len(row['modes'])}.")
+    lines.append(f"- {row['cpu']:.1f} s ({parts}); converged: {yes(row['converged'])}; modes: {len(row['modes'])}.")
+    if len(row["modes"]) > 1:
+        fits = (
+            f"{mode['id']} {', '.join(f'{100 * share:.2f} %' for share in mode['nrmsd'].values())}, "
+            f"probability {mode['probability']:.2f}"
+            for mode in row["modes"]
+        )
+        lines.append(f"- NRMSD of the modes: {'; '.join(fits)}.")
     lines += [f"- Said: {text}" for text in dict.fromkeys(row["warnings"])]
     return [*lines, ""]
 
@@ -59,7 +71,7 @@ def peer_table(found: list[dict[str, Any]], rows: dict[str, dict[str, Any]]) -> 
         if ours and (not cells or peer["title"] not in [cell[0] for cell in cells]):
             predicted = next(iter(ours["predictions"].values()), {}).get("rms")
             fit = ours["fit"]["rms"]
-            cells.append([peer["title"], "mofit", f"{fit:.4g}", _number(predicted), f"{ours['wall']:.1f}", "posterior"])
+            cells.append([peer["title"], "mofit", f"{fit:.4g}", _number(predicted), f"{ours['cpu']:.1f}", "posterior"])
         cells.append([
             peer["title"], peer["peer"], _number(peer.get("fit")), _number(peer.get("predicted")),
             "" if "seconds" not in peer else f"{peer['seconds']:.1f}", peer["note"],

@@ -29,7 +29,7 @@ from records_cases.tanks import SHALLOW
 Residuals = Callable[[FloatArray], FloatArray]
 #: tolerance of the integrator, and step of the differences in the unit cube
 TOLERANCE, DIFFERENCE = 1e-6, 1e-5
-#: seconds after which a search that has no end of its own is stopped
+#: seconds of the processor after which a search that has no end of its own is stopped
 LIMIT = 120.0
 
 
@@ -129,8 +129,8 @@ def by_pints(residuals: Residuals, start: FloatArray, seed: int) -> FloatArray:
     pints = importlib.import_module("pints")
     box = pints.RectangularBoundaries(np.zeros(len(start)), np.ones(len(start)))
     np.random.seed(seed)  # noqa: NPY002 - PINTS draws from the global generator
-    optimiser, until = pints.CMAES(start, np.full(len(start), 0.2), box), time.monotonic() + LIMIT
-    while time.monotonic() < until and not optimiser.stop():
+    optimiser, until = pints.CMAES(start, np.full(len(start), 0.2), box), time.process_time() + LIMIT
+    while time.process_time() < until and not optimiser.stop():
         points = np.array(optimiser.ask())
         optimiser.tell(np.array([np.sum(residuals(point) ** 2) for point in points]))
     return np.array(optimiser.x_best())
@@ -165,9 +165,9 @@ def peer_row(peer: str, problem: PeerProblem, data: Path, work: Path, seed: int)
 
     nominal = ranges.to_unit(ranges.nominal[None])[0]
     start = np.array([nominal[ranges.index(name.partition(" ")[0])] for name in names])
-    began = time.perf_counter()
+    began = time.process_time()
     best = search(errors, start, seed)
-    found = {**about, "seconds": time.perf_counter() - began, "fit": _rms(errors(best))}
+    found = {**about, "seconds": time.process_time() - began, "fit": _rms(errors(best))}
     found["note"] = f"{note} ({version(module)})"
     if problem.case.predicted:
         found["predicted"] = _rms(errors(best, campaign.select(problem.case.predicted).measurements))

@@ -117,9 +117,10 @@ def campaign(data: Path) -> Campaign:
     return with_inputs("hold", imported(data, "cascaded_tanks"))
 
 
-def _case(name: str, title: str, model: type[Model], wanted: str) -> Case:
+def _case(name: str, title: str, model: type[Model], wanted: str, remark: str = "") -> Case:
     return Case(
-        name, title, model, campaign, lambda test: test == "estimation", ("validation",), ("V", 1.0), wanted
+        name, title, model, campaign, lambda test: test == "estimation", ("validation",), ("V", 1.0), wanted,
+        remark=remark,
     )  # fmt: skip
 
 
@@ -127,10 +128,13 @@ CASES = (
     _case(
         "tanks_scale", "Cascaded tanks, scale of the upper level free", Tanks,
         "the finding that the scale cannot be identified, within 30 s",
+        "Modes are in the order of their posterior mass, not of their fit: the best fit of two equal tanks is a "
+        "narrower mode.",
     ),
     _case(
         "tanks", "Cascaded tanks without overflow", EqualTanks,
         "at most 0.467 V (estimation) and 0.541 V (validation), within 30 s",
+        "Not reached, and not in this model: the programs of the last table find no better fit of the same equations.",
     ),
     _case(
         "tanks_overflow", "Cascaded tanks with overflow", OverflowingTanks,
