@@ -18,20 +18,20 @@ STIFFNESS, FREQUENCY, DAMPING = 1000.0, 12.0, 0.02
 DRIVEN = (5.0, 9.0, 11.0, 13.0, 20.0)
 
 
-def campaign(at_rest: Collection[float] = ()) -> Campaign:
+def campaign(at_rest: Collection[float] = (), damping: float = DAMPING) -> Campaign:
     """Sines of 4 s; those ``at_rest`` ring up, the others have rung up before."""
     rng, tests, time = np.random.default_rng(3), [], np.arange(1000) / 250
     natural = 2 * np.pi * FREQUENCY
-    damped = natural * np.sqrt(1 - DAMPING**2)
+    damped = natural * np.sqrt(1 - damping**2)
     for frequency in DRIVEN:
         turning = np.exp(1j * (2 * np.pi * frequency * time + rng.uniform(0, 2 * np.pi)))
         ratio = frequency / FREQUENCY
-        response = turning / (STIFFNESS * (1 - ratio**2 + 2j * DAMPING * ratio))
+        response = turning / (STIFFNESS * (1 - ratio**2 + 2j * damping * ratio))
         motion = response.imag
         if frequency in at_rest:
             start, speed = motion[0], (2j * np.pi * frequency * response[0]).imag
-            sine = (speed + DAMPING * natural * start) / damped
-            decay = np.exp(-DAMPING * natural * time)
+            sine = (speed + damping * natural * start) / damped
+            decay = np.exp(-damping * natural * time)
             motion = motion - decay * (start * np.cos(damped * time) + sine * np.sin(damped * time))
         motion = motion + 0.01 * np.ptp(motion) * rng.standard_normal(len(time))
         experiment = Experiment(f"{frequency:g} Hz", "sine", time, {"force": turning.imag}, frequency=frequency)
@@ -53,6 +53,16 @@ def test_the_start_of_a_record_does_not_bias_the_damping(at_rest: tuple[float, .
     assert led == {f"{frequency:g} Hz" for frequency in DRIVEN if frequency not in at_rest}
     said = [warning for warning in found.warnings if "begins in its steady state" in warning]
     assert len(said) == bool(led)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.2])
+def test_the_lead_is_as_long_as_the_memory_of_the_model(damping: float) -> None:
+    """Which is 10 / (2 pi 12 Hz damping), to e^-10, and less than half of a record."""
+    found = locate_minima(campaign(damping=damping), find_model("oscillator"), Settings(evaluations=300, jobs=1))
+    memory = 10 / (2 * np.pi * FREQUENCY * damping)
+    leads = [signal.lead for signal in found.problem.signals if signal.lead]
+    assert leads
+    assert all(memory / 10 < lead < 2 * memory for lead in leads)
 
 
 @pytest.mark.parametrize("at_rest", [(), DRIVEN])

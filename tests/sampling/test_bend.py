@@ -43,9 +43,10 @@ def test_too_few_draws_have_no_bend():
     assert fitted_bend(draws(20, 0)) is None
 
 
-def test_a_bent_needle_with_heavy_tails_is_sampled():
-    """Its width is a hundredth of its sag; straight mixtures leave more than 60 steps of autocorrelation."""
-    sd, freedom = np.array([0.042, 0.024, 0.016, 0.01, 0.004, 0.001, 0.0003]), 3.0
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_bent_needle_with_heavy_tails_is_sampled(seed):
+    """One standard deviation along it, it lies six of its narrowest width beside the straight line."""
+    sd, freedom = np.array([0.042, 0.024, 0.016, 0.01, 0.004, 0.001, 0.0003]), 4.0
     axes = np.linalg.qr(np.random.default_rng(1).normal(size=(7, 7)))[0]
 
     def straight(points):
@@ -57,7 +58,7 @@ def test_a_bent_needle_with_heavy_tails_is_sampled():
         return -(freedom + 7) / 2 * np.log1p(np.sum(straight(points) ** 2, axis=1) / freedom)
 
     hessian = (freedom + 7) / freedom * (axes / sd**2) @ axes.T
-    chains = sample_mode(log_posterior, np.full(7, 0.5), laplace_covariance(hessian), 1)
+    chains = sample_mode(log_posterior, np.full(7, 0.5), laplace_covariance(hessian), seed)
     assert chains.converged
     found = np.median(np.abs(straight(chains.thinned().points.reshape(-1, 7))), axis=0)
-    assert found[4:] == pytest.approx(np.full(3, 0.765), rel=0.15)  # median of |t| with 3 degrees of freedom
+    assert found[4:] == pytest.approx(np.full(3, 0.741), rel=0.15)  # median of |t| with 4 degrees of freedom
