@@ -68,7 +68,7 @@ class LinearResponse:
     def of(self, quantity: int, added: FloatArray) -> FloatArray:
         """Change of the outputs (n, y, K) by signals (n, K) that are added to a quantity, by its index."""
         found = self.direct[:, :, quantity, None] * added[:, None]
-        if not self.start.size:
+        if not self.start.size or not added.size:
             return found
         state = self.start[:, quantity, None] * added[0]
         found[0] += self.seen[0] @ state

@@ -15,7 +15,6 @@ STARTS = ((0.02, 0.0, 1e-4), (0.0, 0.5, 0.0), (-0.01, 0.1, -1e-4), (0.03, -0.2, 
 #: the model's stiffness is fixed at 1000 N/m: forces of a mass of 1 kg grow by 2.5
 LAWS = {
     "none": lambda x, v: 0.0,
-    "friction": lambda x, v: 0.12 * np.tanh(v / 1e-3),
     "cubic": lambda x, v: 4e5 * x**3,
     "quadratic": lambda x, v: 8 * v * abs(v),
 }
@@ -50,7 +49,6 @@ def test_coloured_noise_is_no_gap() -> None:
     ("law", "family", "size", "value"),
     [
         ("cubic", "non-linear stiffness", "k_c", 1e6),
-        pytest.param("friction", "friction", "F_d", 0.3, marks=pytest.mark.slow),
         pytest.param("quadratic", "non-linear damping", "d_2", 20.0, marks=pytest.mark.slow),
     ],
 )
