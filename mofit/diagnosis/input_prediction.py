@@ -157,14 +157,18 @@ def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whiten
     return [(one - used.mean()) / sd for one in signals] if sd > 1e-12 * np.abs(used).max() else None
 
 
+def _rate(signal: FloatArray) -> FloatArray:
+    """Change from sample to sample, with a standard deviation of 1."""
+    rate = np.gradient(signal)
+    return np.asarray(rate / max(float(rate.std()), np.finfo(float).tiny))
+
+
 def _slipping(signal: FloatArray, w: Whitening, order: float) -> FloatArray:
     """The signal and its rate, slowly modulated: a free decay of another frequency slips against it by whole turns."""
     number = np.arange(len(signal))
     angle = np.pi * np.outer((number - w.start) / max(w.count - 1, 1), np.arange(1, _SLIPS + 1))
     slow = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-    rate = np.gradient(signal)
-    rate /= max(float(rate.std()), np.finfo(float).tiny)
-    columns = np.concatenate([one[:, None] * slow for one in (signal, rate)], axis=1)
+    columns = np.concatenate([one[:, None] * slow for one in (signal, _rate(signal))], axis=1)
     return np.concatenate([columns, order * columns], axis=1)
 
 
@@ -172,8 +176,7 @@ def _of_signal(signal: FloatArray, w: Whitening, lags: FloatArray, order: float)
     """Powers at every lag, functions of the rate, and gains that change over the record and from one to the next."""
     number = np.arange(len(signal))
     past: NDArray[np.intp] = np.maximum(number[:, None] - np.round(lags / w.step).astype(np.intp), 0)
-    rate = np.gradient(signal)
-    rate /= max(float(rate.std()), np.finfo(float).tiny)
+    rate = _rate(signal)
     time = np.clip(2 * (number - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0)
     columns = [signal[past] ** power for power in _POWERS]
     columns.append(np.stack([rate, np.abs(rate), rate * np.abs(rate), np.sign(rate)], axis=1))

@@ -49,6 +49,7 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
     )
     held, random = whiten(problem, (), observed.simulators), np.random.default_rng(seed)
     fits = [_Predicting.of(fitted, held, random) for fitted in (baseline, best)]
+    seen, columns = _seen(held, fits)
     hold_outs, exact, drawn, told = [], [], [], []
     for number, name in enumerate(problem.tests):
         before, after = (fit.squares(held, number) for fit in fits)
@@ -66,30 +67,33 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
         drawn.append(moved.resampled(random))
         low, high = interval(drawn[-1:], here.share)
         if not away:
-            told.append(_evidence(held, number, fits, best))
+            told.append(_evidence(seen, number, columns, best))
         hold_outs.append(HoldOut(name, (name,), here.share, low, high, away, tuple(_series(held, number, fits))))
     share = joined(exact).share
     low, high = interval(drawn, share)
     return Share("records", share, low, high, share, tuple(hold_outs), low, tuple(told))
 
 
-def _evidence(held: WhitenedData, test: int, fits: Sequence[_Predicting], best: Fitted) -> Evidence:
-    """Of a record: what past inputs predict of its errors, or what repeats in them."""
+def _seen(held: WhitenedData, fits: Sequence[_Predicting]) -> tuple[WhitenedData, FloatArray]:
+    """The records with what past inputs predict of their errors; whitened error, gain and responses (m, 2 + f)."""
     if held.predicted_only.any():
         held = with_noise_beside_prediction(held, fits[1].outputs)
     without, with_ = (
         held.whitened([(one.measured - output)[None, ..., None] for one, output in zip(ones, fit.outputs, strict=True)])
         for ones, fit in ((held.problem.experiments, fit) for fit in fits)
     )
-    here = held.test == test
     responses = -held.whitened([slope[None] for slope in fits[1].slopes])[0]
-    error, gain = with_[0], without[0] - with_[0]
-    columns = np.hstack([error, gain, responses, error]) * here[:, None]
-    covariance = covariance_of(best)
-    power = power_of(held, [test], columns, held.explainable & here, covariance)
-    products = products_of_tests(held, columns, [test])
-    own = slice(2, -1)
-    return evidence(power, products[:, own, own], products[:, 1, 1], covariance, covariance, 0.0)
+    return held, np.hstack([with_[0], without[0] - with_[0], responses])
+
+
+def _evidence(held: WhitenedData, test: int, columns: FloatArray, best: Fitted) -> Evidence:
+    """Of a record: what past inputs predict of its errors, or what repeats in them."""
+    here, covariance = held.test == test, covariance_of(best)
+    own = columns * here[:, None]
+    # what the fit to all tests leaves is the error itself
+    power = power_of(held, [test], np.hstack([own, own[:, :1]]), held.explainable & here, covariance)
+    products = products_of_tests(held, own, [test])
+    return evidence(power, products[:, 2:, 2:], products[:, 1, 1], covariance, covariance, 0.0)
 
 
 def _noise(held: WhitenedData, test: int, best: _Predicting) -> FloatArray:

@@ -116,7 +116,7 @@ def _object(what: object, text: Callable[[], str], target: Host) -> bytes:
     key = sha256(repr((what, *versions)).encode()).hexdigest()
     code = load_code(key)
     if code is None:
-        # what passes over the text would simplify is simple already: they double the time and gain nothing
+        # what passes over the text would simplify is simple already: they take time and gain nothing
         module = llvm.parse_assembly(text())
         code = target.machine.emit_object(module)
         keep_code(key, code)
