@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -153,7 +154,9 @@ def test_other_seed_other_draws(rig, tree):
 def interrupted(command, out, how):
     """Run a command and end it by a signal as soon as chains are on disk; its exit code and errors."""
     chains = out.with_name(f"{out.name}.partial") / "chains.h5"
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    # what runs in the background of a shell ignores the interruption, and so would its child
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     while not chains.exists():
         assert process.poll() is None, "the run ended before it could be interrupted"
         time.sleep(0.001)
