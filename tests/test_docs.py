@@ -116,7 +116,7 @@ def test_numbers_of_the_method_are_those_of_the_code() -> None:
         f"at least {search.rough.least:,} evaluations per parameter",
         f"at most {completion.single_most} evaluations. At most {completion.front_most} more",
         f"longer than {sampling.tau_multiple:g} autocorrelation times",
-        f"settled to {100 * sampling.tau_change:g} %",
+        rf"$\tau$ grows by at most {100 * sampling.tau_growth:g} %",
         f"R-hat is at most {sampling.max_r_hat:g}",
         f"effective sample size is at least {sampling.min_ess:,.0f}",
         f"{100 * sampling.independence:g} % propose",

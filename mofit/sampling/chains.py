@@ -129,12 +129,12 @@ def assess(run: Run, settings: SampleSettings, last: bool = False) -> Chains:
     points = _draws(chain, log_prob, lost, tau, discard).points
 
     usable, wanted = steps - discard, settings.tau_multiple * longest
-    change = float(np.max(np.abs(tau - run.tau) / tau)) if np.isfinite(longest) else np.inf
+    growth = float(np.max((tau - run.tau) / tau)) if np.isfinite([longest, *run.tau]).all() else np.inf
     astray = f"{stuck.sum()} walkers stuck and {left.sum()} of {lost.size} left for another mode"
     requirements = [
         (len(chain) >= settings.least_ensembles, f"{len(chain)} ensembles are fewer than {settings.least_ensembles}"),
         (usable > wanted, f"{usable} steps are fewer than {settings.tau_multiple:g} tau = {wanted:.0f}"),
-        (change <= settings.tau_change, f"tau still changes, by {100 * change:.1f} % between checks"),
+        (growth <= settings.tau_growth, f"tau still grows, by {100 * growth:.1f} % between checks"),
         (lost.mean() <= settings.max_stuck, astray),
     ]
     ess, mixing = np.zeros(chain.shape[3]), np.full(chain.shape[3], np.nan)

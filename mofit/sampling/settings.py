@@ -51,8 +51,9 @@ class SampleSettings:
     tail reaches it."""
     tau_multiple: float = 100.0
     """Autocorrelation times that every ensemble must hold (emcee's tutorial on convergence)."""
-    tau_change: float = 0.01
-    """Largest relative change of any parameter's tau between two checks (ibid.)."""
+    tau_growth: float = 0.01
+    """Largest relative growth of any parameter's tau between two checks (ibid.): while it grows, the chain is too short
+    to show it; one that falls asks for no longer chain."""
     max_r_hat: float = 1.01
     """Vehtari et al. (2021)."""
     min_ess: float = 1000.0

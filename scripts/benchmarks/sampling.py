@@ -136,7 +136,7 @@ def by_emcee(task: Task) -> Result:
         samplers.append(sampler)
         inside = point + rng.standard_normal((walkers, task.dimension)) @ spread.T
         states.append(np.clip(inside, 1e-9, 1 - 1e-9))
-    former, steps = np.full(task.dimension, np.inf), 0
+    former, steps = np.zeros(task.dimension), 0
     end = time.perf_counter() + task.limit
     while True:
         states = [sampler.run_mcmc(state, 200) for sampler, state in zip(samplers, states, strict=True)]
@@ -148,7 +148,7 @@ def by_emcee(task: Task) -> Result:
         mixing, effective = float(r_hat(thinned).max()), chain[:, discard:, :, 0].size / tau.max()
         met = (
             steps - discard > settings.tau_multiple * tau.max()
-            and bool(np.all(np.abs(tau - former) <= settings.tau_change * tau))
+            and bool(np.all(tau - former <= settings.tau_growth * tau))
             and effective >= settings.min_ess
             and mixing <= settings.max_r_hat
         )

@@ -17,7 +17,7 @@ class Gaussian:
     dimension = 3
     covariance = COVARIANCE
     minimum = SimpleNamespace(point=np.array([0.5, 0.3, 0.6]))
-    settings = SampleSettings(tau_multiple=20.0, tau_change=0.1, min_ess=200.0, max_r_hat=1.02)  # what takes seconds
+    settings = SampleSettings(tau_multiple=20.0, tau_growth=0.1, min_ess=200.0, max_r_hat=1.02)  # what takes seconds
     seed = 1
     limit = 60.0
 

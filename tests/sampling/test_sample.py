@@ -184,9 +184,10 @@ def test_every_requirement_of_the_stop_rule_is_met_or_named():
     run = extend(two_modes, run, settings, 500, np.full(2, np.inf))
     tau = assess(run, settings).tau
     assert assess(replace(run, tau=tau), settings).converged
-    assert assess(replace(run, tau=1.009 * tau), settings).converged
+    assert assess(replace(run, tau=2.0 * tau), settings).converged
+    assert assess(replace(run, tau=tau / 1.009), settings).converged
     cases = [
-        (replace(run, tau=tau * [1.0, 1.02]), settings, "tau still changes, by 2.0 % between checks"),
+        (replace(run, tau=tau * [1.0, 0.98]), settings, "tau still grows, by 2.0 % between checks"),
         (replace(run, tau=tau, ensembles=run.ensembles[:3]), settings, "3 ensembles are fewer than 4"),
         (replace(run, tau=tau), replace(settings, min_ess=1e9), "ESS is"),
         (replace(run, tau=tau), replace(settings, max_r_hat=1.0 - 1e-3), "R-hat is"),

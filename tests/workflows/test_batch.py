@@ -24,7 +24,7 @@ from mofit.workflows.jobs import Job, identify_file
 
 GAINS = {"a": (1.0, 3000.0), "b": (2.0, 5000.0)}
 #: a short sampling that still counts as converged
-SHORT = SampleSettings(tau_multiple=20.0, tau_change=0.1, min_ess=200.0, max_r_hat=1.05)
+SHORT = SampleSettings(tau_multiple=20.0, tau_growth=0.1, min_ess=200.0, max_r_hat=1.05)
 SETTINGS = Settings(seed=4, sampling=SHORT, jobs=1)
 
 
