@@ -103,10 +103,27 @@ def test_a_response_that_never_repeats_is_kept_whole(fitted):
         assert kept == near.experiments
 
 
+def test_as_few_steps_as_keep_the_defect_constant_are_taken(fitted):
+    problem, point = fitted
+    values = problem.layout.full(point[None])[0]
+    box = np.sort([0.9 * values, 1.1 * values], axis=0)
+    around = problem.layout.full(star(point, np.full(3, 0.02)))
+    chosen = []
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        strict = problem.simulator.within((box[0], box[1]), tolerance)
+        quick, experiments = coarse_steps(strict, problem.experiments, around)
+        chosen.append(quick.steps or np.inf)
+        assert (quick.steps is None) == (experiments == problem.experiments)
+        for ours, exact in zip(quick.simulate(around), strict.simulate(around), strict=True):
+            change = (ours - ours[0]) - (exact - exact[0])
+            assert np.abs(change).max() <= 1.001 * tolerance * np.ptp(exact[0])
+    assert chosen[0] < min(chosen[1:])
+
+
 def test_few_steps_are_refused_where_their_defect_varies(fitted):
     problem, point = fitted
     values = problem.layout.full(point[None])[0]
     box = np.sort([0.9 * values, 1.1 * values], axis=0)
-    strict = problem.simulator.within((box[0], box[1]), 1e-8)
+    strict = problem.simulator.within((box[0], box[1]), 1e-13)
     around = problem.layout.full(star(point, np.full(3, 0.02)))
     assert coarse_steps(strict, problem.experiments, around) == (strict, problem.experiments)
