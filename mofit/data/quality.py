@@ -90,9 +90,9 @@ _Found = Iterator[tuple[str, str, str]]
 def _label(measurement: Measurement, analysis: SignalAnalysis) -> _Found:
     """Frequency and amplitude against the data."""
     experiment = measurement.experiment
-    if measurement.kind not in PERIODIC_EXCITATIONS or analysis.period is None:
+    found = analysis.frequency
+    if measurement.kind not in PERIODIC_EXCITATIONS or found is None:
         return
-    found = 1 / analysis.period
     if experiment.frequency and abs(off := found / experiment.frequency - 1) > LIMITS.frequency:
         message = f"labelled {experiment.frequency:.6g} Hz, the data show {found:.6g} Hz ({100 * off:+.2f} %)"
         cause, hint = frequency_cause(experiment.frequency, found, 1 / experiment.step)
@@ -113,8 +113,11 @@ def _periods(measurement: Measurement, analysis: SignalAnalysis) -> _Found:
     """Whether a periodic test is one, and long and fine enough."""
     kind = measurement.kind
     if analysis.period is None:
-        if kind in PERIODIC_EXCITATIONS:
+        if kind in PERIODIC_EXCITATIONS and analysis.frequency is None:
             yield "", f"a {kind} test whose input does not repeat", "Check the input, or name another procedure"
+        elif kind in PERIODIC_EXCITATIONS:
+            message = "the input has a frequency, but no two periods of it are equal"
+            yield "", message, "Used as a whole record, ramps included; if the rig should run steadily, check it"
         return
     if analysis.periods == 0:
         message = f"no whole period of {analysis.period:.4g} s after the transient of {analysis.transient:.3g} s"

@@ -145,3 +145,17 @@ def test_kept_samples_are_whole_periods_where_the_transient_is_one():
     time = 5 + np.arange(300) * 0.01
     assert np.count_nonzero(steady_samples(time, 1.0)) == 200
     assert np.count_nonzero(steady_samples(time, 1.0, 1.0)) == 100
+
+
+@pytest.mark.parametrize(("steady", "repeats"), [(2, False), (40, True)])
+def test_a_sine_that_ramps_in_and_out_is_used_for_what_it_holds(steady, repeats):
+    # ramps of 2.5 periods: a record with two steady periods repeats nowhere, one with forty repeats between them
+    time = np.arange(0, 5 + steady, 0.01)
+    stroke = np.clip(np.minimum(time, time[-1] - time) / 2.5, 0, 1) * np.sin(2 * np.pi * time)
+    force = 3 * stroke + 0.06 * np.random.default_rng(4).standard_normal(len(time))
+    experiment = Experiment(name="a", kind="sine", time=time, inputs={"displacement": stroke}, frequency=1.0)
+    record = analyse(Measurement(experiment=experiment, outputs={"force": force}, units={}))
+    assert record.noise_sd["force"] == pytest.approx(0.06, rel=0.1)
+    assert record.frequency == pytest.approx(1.0, rel=1e-3)
+    assert (record.period is not None) == repeats
+    assert record.transient == (pytest.approx(2.5, abs=0.5) if repeats else 0)

@@ -133,6 +133,9 @@ def test_friction_damper():
     assert len(campaign.tests) == 9
     for test in campaign.measurements[:-1]:
         assert np.ptp(test.channel("displacement")) / 2 == pytest.approx(test.experiment.amplitude, rel=0.05)
+        # strokes that ramp up and down: what differs from period to period is no noise
+        assert analyse(test).period is None
+        assert analyse(test).frequency == pytest.approx(test.experiment.frequency, rel=0.05)
 
 
 MASTER_CURVE = """

@@ -50,7 +50,7 @@ class SignalAnalysis:
     """Period, transient and noise of a test."""
 
     period: float | None
-    """In s, found from the input; None if it does not repeat."""
+    """In s, found from the input; None if that does not repeat."""
     periods: int
     """Whole periods between transient and tail."""
     transient: float
@@ -64,6 +64,8 @@ class SignalAnalysis:
     records"``, ``"smoothing residual"`` or ``"top of spectrum"`` (a lower bound)."""
     noise_floor: Mapping[str, float]
     """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
+    frequency: float | None = None
+    """Of the input, in Hz, whether it repeats or ramps up and down; None if it has none."""
     lead: float = 0.0
     """Time that the inputs, repeated, act on a model before the first sample, s."""
 
@@ -100,7 +102,7 @@ def analyse(measurement: Measurement, driver: str | None = None, output: str | N
     channels = {**experiment.inputs, **measurement.outputs}
     drivers = list(experiment.inputs) if driver is None else [driver]
     outputs = {*measurement.outputs, *([output] if output else [])}
-    period = _period(measurement.kind, time, [measurement.channel(name) for name in drivers])
+    period, of = _period(measurement.kind, time, {name: measurement.channel(name) for name in drivers})
     found = [find_transient(time, values, period) for values in channels.values()] if period else [(0.0, 0.0)]
     transient, tail = (max(times) for times in zip(*found, strict=True))
     if experiment.transient is not None:
@@ -108,16 +110,39 @@ def analyse(measurement: Measurement, driver: str | None = None, output: str | N
     kept = steady_samples(time, transient, tail)
     # the tolerance of half a sample is for records cut to whole periods
     periods = int((np.count_nonzero(kept) + 0.5) * experiment.step / period) if period else 0
+    frequency = 1 / period if period else None
+    if period and not _repeats(time, measurement.channel(of), kept, period, periods):
+        period, periods, transient, tail = None, 0, experiment.transient or 0.0, 0.0
+        kept = steady_samples(time, transient)
     noise = {}
     for name, values in channels.items():
-        if period and periods >= 2:
-            noise[name], method = repeat_noise(time[kept], values[kept], period), REPEATS[0]
-        elif period and time[-1] - time[0] > period + _SHORTEST_OVERLAP * experiment.step:
-            noise[name], method = overlap_noise(time, values, period), REPEATS[1]
-        else:
-            noise[name], method = residual_noise(values[kept])
+        noise[name], method = _noise(time, values, kept, period, periods)
     floor = {name: noise[name] / float(np.ptp(measurement.channel(name))) for name in sorted(outputs)}
-    return SignalAnalysis(period, periods, transient, tail, noise, method, floor)
+    return SignalAnalysis(period, periods, transient, tail, noise, method, floor, frequency)
+
+
+def _noise(
+    time: FloatArray, values: FloatArray, kept: NDArray[np.bool_], period: float | None, periods: int
+) -> tuple[float, str]:
+    """Standard deviation of the noise of a channel, and how it was found."""
+    if period and periods >= 2:
+        return repeat_noise(time[kept], values[kept], period), REPEATS[0]
+    if period and time[-1] - time[0] > period + _SHORTEST_OVERLAP * (time[-1] - time[0]) / (len(time) - 1):
+        return overlap_noise(time, values, period), REPEATS[1]
+    return residual_noise(values[kept])
+
+
+def _repeats(time: FloatArray, values: FloatArray, kept: NDArray[np.bool_], period: float, periods: int) -> bool:
+    """Whether an input repeats as well as rigs repeat it.
+
+    Where it does not, a sine that ramps up and down for one, what differs from period to period is no noise.
+    """
+    deviation, method = _noise(time, values, kept, period, periods)
+    if method not in REPEATS:
+        return True
+    limits = STEADY_STATE
+    least = limits.negligible * float(np.ptp(values))
+    return deviation <= max(least, limits.deviation * residual_noise(values[kept])[0])
 
 
 def steady_samples(time: FloatArray, transient: float, tail: float = 0.0) -> NDArray[np.bool_]:
@@ -163,17 +188,17 @@ def find_transient(time: FloatArray, values: FloatArray, period: float) -> tuple
     return transient, tail
 
 
-def _period(kind: str, time: FloatArray, drivers: list[FloatArray]) -> float | None:
-    """Period of the first driving signal that has one."""
+def _period(kind: str, time: FloatArray, drivers: Mapping[str, FloatArray]) -> tuple[float | None, str]:
+    """Period of the first driving signal that has one, and its name."""
     if kind in SINGLE_EXCITATIONS:
-        return None
-    for values in drivers:
+        return None, ""
+    for name, values in drivers.items():
         period = sine_period(time, values) if kind == "sine" else None
         if period is None:
             period = find_period(time, values)
         if period is not None:
-            return period
-    return None
+            return period, name
+    return None, ""
 
 
 def _windows(deviation: FloatArray, window: int, first_half: bool) -> tuple[NDArray[np.intp], FloatArray, float]:
