@@ -202,8 +202,9 @@ def orthonormal(columns: FloatArray) -> FloatArray:
 def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: bool = False) -> WhitenedData:
     """The same tests with an unknown gap, relative to each output's range, counted as noise.
 
-    It lies on the constant, all harmonics and the slow lines of a test that repeats, else on the excited lines.
-    ``everywhere``: as strong as if it were on the harmonics alone, but counted on all lines.
+    It lies on the constant, all harmonics and the slow lines of a test that repeats; as strong as on the excited lines
+    on all of one that does not, whose harmonics may lie anywhere. ``everywhere``: as strong as if it were on the
+    harmonics alone, but counted on all lines.
     """
     classes = ("dc", "odd", "even", "excited", *(() if everywhere else ("slow",)))
     records, measured = [], []
@@ -212,7 +213,7 @@ def with_discrepancy(observed: WhitenedData, relative: float, *, everywhere: boo
         size = relative * float(observed.ranges[i])
         likely = np.zeros(len(w.frequencies), dtype=bool)
         likely[observed.line[here & observed.of(*classes)]] = True
-        more = np.full(len(likely), True) if everywhere else w.harmonic
+        more = w.harmonic if w.periods and not everywhere else np.full(len(likely), True)
         records.append((test, output, w.with_discrepancy(size**2, likely, more)))
         measured.append(records[-1][2].rows(experiment.measured[:, output, None])[:, 0])
     counted = replace(observed, records=tuple(records), measured=np.concatenate(measured))
