@@ -44,7 +44,8 @@ def led_in(
     steady, best = steady_from_start(posterior.main), setup
     point, value = minimum.point, float(posterior.evaluate(minimum.point[None])[0][0])
     for lengths in LEADS if steady else ():
-        led = replace(setup, leads={name: lengths * length for name, length in steady.items()})
+        leads = {name: lengths * length for name, length in steady.items()}
+        led = replace(setup, leads=leads, known=posterior.main.experiments)
         if not _depends_on_start(best.posterior.main.with_noise(posterior.main.noise), led.posterior.main, point):
             break
         target = led.posterior.with_noise(posterior.main.noise)
@@ -108,4 +109,4 @@ def _where_better(before: Problem, led: ProblemSetup, point: FloatArray) -> Prob
     gains = before.objectives(point[None])[0] - led.posterior.main.objectives(point[None])[0]
     pairs = zip(objective_pairs(before.experiments), gains, strict=True)
     tests = {before.tests[test] for (test, _), gain in pairs if gain > 0}
-    return replace(led, leads={name: lead for name, lead in led.leads.items() if name in tests})
+    return replace(led, leads={name: lead for name, lead in led.leads.items() if name in tests}, known=())

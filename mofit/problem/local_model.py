@@ -48,9 +48,11 @@ def fold_periods(
     values
         Parameter sets (K, p): the point first, then those at which the shortcut must hold (`star`).
     """
+    responses = simulator.one_by_one(values, False)
+    # the responses of a test are handed on, not held: they go before those of the next one come
     cut = tuple(
-        _cut(experiment, outputs[..., 0], period, simulator.tolerance)
-        for experiment, outputs, period in zip(experiments, simulator.one_by_one(values, False), periods, strict=True)
+        _cut(experiment, next(responses)[..., 0], period, simulator.tolerance)
+        for experiment, period in zip(experiments, periods, strict=True)
     )
     return simulator.with_experiments(cut), cut
 
@@ -68,10 +70,10 @@ def coarse_steps(
     work = np.average(present, weights=[experiment.samples for experiment in experiments])
     for steps in (steps for steps in STEPS if steps < work):
         quick = simulator.with_steps(steps)
-        both = zip(experiments, quick.one_by_one(values, False), simulator.one_by_one(values, False), strict=True)
+        coarse, fine = quick.one_by_one(values, False), simulator.one_by_one(values, False)
         corrected = []
-        for experiment, coarse, fine in both:
-            defect = (coarse - fine)[..., 0]
+        for experiment in experiments:
+            defect = (next(coarse) - next(fine))[..., 0]
             if not _constant(experiment, defect, simulator.tolerance):
                 break
             corrected.append(experiment.changed(measured=experiment.measured + defect[0]))

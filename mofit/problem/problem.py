@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -169,18 +169,16 @@ class Problem:
         derivative = self.space.derivative(self.space.from_unit(point))
         values = self.layout.full(point[None])
 
-        def responses() -> Iterator[tuple[FloatArray, FloatArray]]:
-            for response in self.simulator.one_by_one(values, derivatives=True):
-                slopes = np.zeros((*response.shape[1:3], len(derivative)))
-                slopes[..., : response.shape[-1] - 1] = response[0, ..., 1:]
-                slopes *= derivative
-                output = response[0, ..., 0].copy()
-                del response  # as large as the slopes
-                yield output, slopes
+        def in_unit(response: FloatArray) -> tuple[FloatArray, FloatArray]:
+            slopes = np.zeros((*response.shape[1:3], len(derivative)))
+            slopes[..., : response.shape[-1] - 1] = response[0, ..., 1:]
+            slopes *= derivative
+            return response[0, ..., 0].copy(), slopes
 
         sums = self.sums(point[None])
         experiments = self._with_common_residuals(values)
-        return score_covariance(sums, self.noise.weights, experiments, self.periods, responses())
+        responses = map(in_unit, self.simulator.one_by_one(values, derivatives=True))
+        return score_covariance(sums, self.noise.weights, experiments, self.periods, responses)
 
     def _with_common_residuals(self, values: FloatArray) -> tuple[ExperimentData, ...]:
         r"""The tests with residuals that count repeated records as what they are, at one set (1, np).

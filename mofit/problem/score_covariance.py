@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from scipy.special import fdtri
@@ -39,13 +39,14 @@ def score_covariance(
         dropped before the next is asked for.
     """
     noise, lines, freedom, powers = [], [], [], list[FloatArray]()
-    for experiment, period, response in zip(experiments, periods, responses, strict=True):
-        for process, own in _residual_noise(experiment, period, *response):
-            powers.append(_line_powers(process))  # the process itself is as large as the record
-            noise.append(process.score_covariance(own))
-            # the gap is linear in the excess, which is known only when all tests have been seen
-            lines.append([process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))])
-            freedom.append(process.effective_degrees_of_freedom(own))
+    responses = iter(responses)
+    for experiment, period in zip(experiments, periods, strict=True):
+        # handed on, not held: a response and the processes of a test are as large as its record
+        for own, on_lines, known, power in _moments(experiment, period, *next(responses)):
+            noise.append(own)
+            lines.append(on_lines)
+            freedom.append(known)
+            powers.append(power)
     excess, gap_freedom = _gap([own for own in powers if len(own)], sums.gradient.shape[-1])
     gap = np.einsum("e,tedf->tdf", np.array(excess), np.array(lines))
     return Score(
@@ -68,26 +69,41 @@ def scatter(
 ) -> FloatArray:
     """Covariance of every objective's weighted gradient by noise and a known gap, (K, L, L); see `score_covariance`."""
     found = []
-    for experiment, period, response in zip(experiments, periods, responses, strict=True):
-        for process, slopes in _residual_noise(experiment, period, *response):
+    responses = iter(responses)
+    for experiment, period in zip(experiments, periods, strict=True):
+        for process, slopes in _residual_noise(experiment, period, *next(responses)):
             gap = process.score_covariance(slopes, _on_lines(process, gap_squares))
             found.append(process.score_covariance(slopes) + gap)
     return weights[:, None, None] ** 2 * np.array(found)
 
 
+def _moments(
+    experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
+) -> list[tuple[FloatArray, list[FloatArray], float, FloatArray]]:
+    """Covariance of the score by noise and by gaps, freedom of the noise and line powers of every output in a test.
+
+    The gaps are 1 on the fundamental, and 1 on the harmonics. The true one is linear in the excess,
+    which is known only when all tests have been seen.
+    """
+    found = []
+    for process, own in _residual_noise(experiment, period, output, slopes):
+        lines = [process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
+        freedom = process.effective_degrees_of_freedom(own)
+        found.append((process.score_covariance(own), lines, freedom, _line_powers(process)))
+    return found
+
+
 def _residual_noise(
     experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
-) -> list[tuple[NoiseProcess, FloatArray]]:
+) -> Iterator[tuple[NoiseProcess, FloatArray]]:
     """Noise of every output measured in a test and its sensitivities (n, d), relative to its range, where used."""
-    pairs = []
     for i in experiment.fitted:
         used = experiment.weights[:, i] > 0
         scale = np.sqrt(experiment.weights[used, i])
         simulated = output[used, i] * scale
         residual = experiment.measured[used, i] * scale - simulated
         time = np.asarray(experiment.step * np.flatnonzero(used))
-        pairs.append((noise_process(residual, simulated, time, period), slopes[used, i] * scale[:, None]))
-    return pairs
+        yield noise_process(residual, simulated, time, period), slopes[used, i] * scale[:, None]
 
 
 def _line_powers(process: NoiseProcess) -> FloatArray:

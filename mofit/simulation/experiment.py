@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
@@ -70,14 +70,18 @@ class ExperimentData:
 
     def same_data(self, other: ExperimentData) -> bool:
         """Whether two tests are the same to a simulator, so that one can stand for both."""
-        if self.origin is not None or other.origin is not None:
-            return False
         if (self.name, self.step, self.interpolation, self.lead) != (
             other.name, other.step, other.interpolation, other.lead,
         ):  # fmt: skip
             return False
-        arrays = ("conditions", "inputs", "measured", "weights")
-        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
+        alike = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("conditions", "inputs"))
+        return alike and self.same_record(other)
+
+    def same_record(self, other: ExperimentData) -> bool:
+        """Whether two tests have the same measured outputs and weights."""
+        if self.name != other.name or self.origin is not None or other.origin is not None:
+            return False
+        return all(np.array_equal(getattr(self, name), getattr(other, name)) for name in ("measured", "weights"))
 
     def changed(self, **data: FloatArray) -> ExperimentData:
         """With other measured outputs or weights, or with fewer samples."""
@@ -117,14 +121,24 @@ class ExperimentData:
         """Of `data` in memory."""
         return self.data.ctypes.data
 
-    @property
+    @cached_property
     def curve(self) -> PPoly:
-        """The inputs over time; of a long test it is not kept."""
-        return _long_curve(self) if self.samples > _SHORT_TEST else self._short_curve
+        """The inputs over time."""
+        return _curve(self)
 
     @cached_property
-    def _short_curve(self) -> PPoly:
-        return _curve(self)
+    def rate(self) -> PPoly:
+        """Time derivative of the inputs over time."""
+        return self.curve.derivative()
+
+    def forget_curves(self) -> None:
+        """Called when they have been used: they take several times the memory of the samples.
+
+        That of a short test is kept.
+        """
+        vars(self).pop("rate", None)
+        if self.samples > _SHORT_TEST:
+            vars(self).pop("curve", None)
 
     def at(self, time: FloatArray) -> FloatArray:
         """Inputs at times, shape (nu, len(time)); constant after the last sample."""
@@ -136,7 +150,7 @@ class ExperimentData:
 
     def derivative(self, time: FloatArray) -> FloatArray:
         """Time derivative of the inputs (from the right at samples), shape (nu, len(time))."""
-        return np.asarray(self.curve.derivative()(np.minimum(time, (self.samples - 1) * self.step)).T)
+        return np.asarray(self.rate(np.minimum(time, (self.samples - 1) * self.step)).T)
 
     def issues(self, system: System) -> list[Issue]:
         """Every mismatch with the system."""
@@ -173,10 +187,6 @@ def _curve(experiment: ExperimentData) -> PPoly:
     if experiment.interpolation == "linear":
         return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
     return CubicSpline(time, inputs, axis=0)
-
-
-#: that of the test whose table is being made
-_long_curve = lru_cache(maxsize=1)(_curve)
 
 
 def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, int], ...]:

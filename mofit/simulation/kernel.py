@@ -15,8 +15,9 @@ from mofit.simulation.compiler.machine import Code
 from mofit.simulation.compiler.program import LANE, Split, contract, trace
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
-from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
+from mofit.simulation.time_grid import StepLevel, TimeGrid, build_time_grid, find_switches
 
+_RATE = list(GRAPH_INPUTS).index("input_rate")
 #: steps whose part of a table is made at once
 _PART = 20_000
 
@@ -70,25 +71,26 @@ class Kernel:
     def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
         """The table of a test for the parameters that all lanes share."""
         grid = build_time_grid(experiment, level, find_switches(self.system, experiment.origin or experiment))
-        first = np.concatenate([[0], np.cumsum(grid.counts)[:-1]])
-        further = np.delete(np.arange(len(grid.start)), first)
-        constant, rows = self._evaluated(self.sample, experiment, grid.start[first], grid.end[first], fixed)
-        if not len(further):
-            return Table(constant, rows, grid.counts - 1, np.empty((0, 0)))
-        more, substep_rows = self._evaluated(self.substep, experiment, grid.start[further], grid.end[further], fixed)
+        begins = np.zeros(len(grid.start), dtype=bool)
+        begins[np.cumsum(grid.counts) - grid.counts] = True
+        constant, rows = self._evaluated(self.sample, experiment, grid, begins, fixed)
+        more, substep_rows = np.empty(0), np.empty((0, 0))
+        if not begins.all():
+            more, substep_rows = self._evaluated(self.substep, experiment, grid, ~begins, fixed)
+        experiment.forget_curves()
         return Table(np.concatenate([constant, more]), rows, grid.counts - 1, substep_rows)
 
     def _evaluated(
-        self, split: Split, experiment: ExperimentData, start: FloatArray, end: FloatArray, fixed: FloatArray
+        self, split: Split, experiment: ExperimentData, grid: TimeGrid, which: NDArray[np.bool_], fixed: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Constant values and rows of the table, for steps from ``start`` to ``end``."""
-        cut = len(split.constant)
-        constant, rows = np.empty(cut), np.empty((len(start), sum(map(len, split.table.outputs)) - cut))
+        """Constant values and rows of the table, for some steps of a grid."""
+        cut, steps = len(split.constant), np.flatnonzero(which)
+        constant, rows = np.empty(cut), np.empty((len(steps), sum(map(len, split.table.outputs)) - cut))
         # in parts, because the points take several times the memory of the table
-        for first in range(0, len(start), _PART):
-            part = slice(first, first + _PART)
-            values = self._part(split, experiment, start[part], end[part], fixed)
-            constant, rows[part] = values[:cut, 0].copy(), values[cut:].T
+        for first in range(0, len(steps), _PART):
+            part = steps[first : first + _PART]
+            values = self._part(split, experiment, grid.start[part], grid.end[part], fixed)
+            constant, rows[first : first + _PART] = values[:cut, 0].copy(), values[cut:].T
         return constant, rows
 
     def _part(
@@ -107,7 +109,7 @@ class Kernel:
             "input": np.concatenate(
                 [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
             ),
-            "input_rate": experiment.derivative(start),
+            "input_rate": experiment.derivative(start) if _RATE in split.table.inputs else np.empty((0, count)),
             "first": everywhere(experiment.at(np.zeros(1))[:, 0]),
             "fixed": everywhere(fixed),
             "condition": everywhere(experiment.conditions),

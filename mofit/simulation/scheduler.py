@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
+import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -61,16 +62,17 @@ class _Job:
     experiment: ExperimentData
     table: Table
     entry: Callable[..., None]
+    data: int
+    """Address of what is measured; 0 for loops that do not read it."""
     result: FloatArray
 
     @property
     def record(self) -> tuple[int, ...]:
         """The addresses that the compiled loop takes, see `loop.JOB_FIELDS`."""
         constant, rows, counts, substep_rows = self.table.addresses
-        experiment = self.experiment
         return (
-            experiment.samples, self.block.address, constant, rows, experiment.address, counts, substep_rows,
-            self.result.ctypes.data,
+            self.experiment.samples, self.block.address, constant, rows, self.data, counts, substep_rows,
+            self.result.ctypes.data, len(self.block.rows),
         )  # fmt: skip
 
 
@@ -85,6 +87,12 @@ def _lane_counts(shape: Shape) -> tuple[int, int]:
         return 2 * width, 4 * width
     carried = shape.states * shape.columns + shape.sums
     return width, 4 * width if carried <= _FEW_CARRIED else 2 * width
+
+
+def _room(shape: tuple[int, ...], lanes: int) -> FloatArray:
+    """An array for what a loop stores; the last vector of lanes reaches beyond its end."""
+    count = math.prod(shape)
+    return np.empty(count + lanes)[:count].reshape(shape)
 
 
 @cache
@@ -139,7 +147,7 @@ class Scheduler:
         count = len(range(len(self.system.outputs))[kept])
         result = [np.full((len(p), experiment.recorded, count, columns), np.nan) for experiment in experiments]
         for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
-            result[test][rows] = values[experiments[test].lead :, :, kept, : len(rows)].transpose(3, 0, 2, 1)
+            result[test][rows] = values[experiments[test].lead :, :, kept].transpose(3, 0, 2, 1)
         return result
 
     def _shape(self, derivatives: bool) -> Shape:
@@ -203,7 +211,7 @@ class Scheduler:
         derivatives: bool,
         reduce: bool,
     ) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
-        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, L).
+        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, sets).
 
         So many at once as memory allows.
         """
@@ -215,8 +223,12 @@ class Scheduler:
             kernel, experiment = self._kernel(key, block.level), experiments[test]
             table = self._table(key, kernel, experiment, block, used)
             code = kernel.code(table.refined or self._one_loop, block.lanes)
-            sizes = (shape.sums,) if reduce else (experiment.samples, shape.columns, shape.outputs)
-            jobs.append(_Job(test, block, experiment, table, code.entry, np.empty((*sizes, block.lanes))))
+            if reduce:
+                data, result = experiment.address, np.empty((shape.sums, block.lanes))
+            else:
+                sizes = (experiment.samples, shape.columns, shape.outputs, len(block.rows))
+                data, result = 0, _room(sizes, block.lanes)
+            jobs.append(_Job(test, block, experiment, table, code.entry, data, result))
             load += jobs[-1].result.nbytes + (table.nbytes if id(table) not in seen else 0)
             seen.add(id(table))
             if load > _AT_ONCE_BYTES:

@@ -180,7 +180,7 @@ class Simulator:
         Those of all tests together can be large.
         """
         for test in range(len(self.experiments)):
-            yield from self.select([test])._stored(p, derivatives)
+            yield self.select([test])._stored(p, derivatives).pop()  # a list would hold them until the next
 
     def one(self, test: int, p: ArrayLike) -> FloatArray:
         """Outputs of one test, by its index, (N, n, ny), as in `simulate`; no table is kept for it."""

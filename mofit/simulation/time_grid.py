@@ -90,12 +90,15 @@ def build_time_grid(experiment: ExperimentData, level: StepLevel, switches: tupl
     # parts shorter than rounding are no parts
     parts = ends - starts > 1e-12 * experiment.step
     starts, ends = starts[parts], ends[parts]
-    fractions = np.arange(level.steps + 1) / level.steps
-    edges = starts[:, None] + (ends - starts)[:, None] * fractions
-    edges[:, -1] = ends
+    # in place: of many steps these arrays are several times the samples
+    fractions, lengths = np.arange(level.steps + 1) / level.steps, (ends - starts)[:, None]
+    first, last = lengths * fractions[:-1], lengths * fractions[1:]
+    first += starts[:, None]
+    last += starts[:, None]
+    last[:, -1] = ends
     interval = np.searchsorted(samples, 0.5 * (starts + ends), side="right") - 1
     counts = np.bincount(interval, minlength=experiment.samples) * level.steps
-    return TimeGrid(edges[:, :-1].ravel(), edges[:, 1:].ravel(), counts.astype(np.int64))
+    return TimeGrid(first.ravel(), last.ravel(), counts.astype(np.int64))
 
 
 def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:
@@ -107,6 +110,7 @@ def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArra
     known, program = _switches.setdefault(experiment, {}), _switch_program(system)
     if program not in known:
         known[program] = _find(program, experiment)
+        experiment.forget_curves()
     return known[program]
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mofit.data.signals.noise_process import autoregressive_spectrum, noise_process
+from mofit.data.signals.autoregressive import autoregressive_spectrum
+from mofit.data.signals.noise_process import noise_process
 
 SAMPLES, PERIODS = 800, 8
 TIME = np.arange(SAMPLES) * 0.01

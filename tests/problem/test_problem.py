@@ -79,6 +79,16 @@ def test_first_period_is_not_judged(problem):
         assert first == pytest.approx(max(record.period, record.transient), abs=2 * experiment.step)
 
 
+def test_tests_with_other_inputs_share_what_is_measured(campaign, problem):
+    led = build_problem(Lag(), campaign, leads={campaign.measurements[0].name: 0.4}, known=problem.experiments)
+    (first, second), (known, same) = led.experiments, problem.experiments
+    assert second is same
+    assert first.lead == 40
+    assert np.shares_memory(first.measured, known.measured)
+    assert np.shares_memory(first.weights, known.weights)
+    np.testing.assert_array_equal(first.inputs[40:], known.inputs)
+
+
 def test_a_record_just_short_of_whole_periods_loses_none():
     whole = measurement(0.5)
     cut = 5  # of 200 samples a period

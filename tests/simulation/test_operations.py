@@ -88,6 +88,12 @@ def test_every_scalar_operation_of_casadi_is_known():
     assert scalar - left_to_the_trace <= OPERATIONS
 
 
+def test_inputs_of_a_program_are_those_that_its_outputs_need():
+    inputs = tuple(Node(ca.OP_INPUT, (), (number, 0)) for number in range(3))
+    program = Program((*inputs, Node(ca.OP_ADD, (0, 2)), Node(ca.OP_MUL, (0, 1))), ((3,),))
+    assert program.inputs == {0, 2}
+
+
 def test_fused_operations_round_once():
     a, b, c = 1 + 2.0**-30, 1 - 2.0**-30, -1.0
     inputs = tuple(Node(ca.OP_INPUT, (), (0, i)) for i in range(3))

@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,24 @@ def test_one_test_is_simulated_as_all_are():
     simulator, p = Simulator(RELAXATION, experiments), draw(RELAXATION, 5)
     for test, outputs in enumerate(simulator.simulate(p)):
         np.testing.assert_array_equal(simulator.one(test, p), outputs)
+
+
+def test_responses_of_a_test_are_gone_when_those_of_the_next_come():
+    experiments = [sine_experiment(RELAXATION, frequency) for frequency in (0.5, 1.0, 2.0)]
+    responses = Simulator(RELAXATION, experiments, steps=2).one_by_one(draw(RELAXATION, 3), derivatives=True)
+    before = weakref.ref(next(responses))
+    for _ in experiments[1:]:
+        assert before() is None
+        before = weakref.ref(next(responses))
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_a_long_test_begins_as_a_short_one(steps):
+    long = sine_experiment(RELAXATION, samples=45_000, interpolation="linear")
+    data = {name: getattr(long, name)[:150] for name in ("inputs", "measured", "weights")}
+    short, p = replace(long, **data), draw(RELAXATION, 3)
+    (whole,), (part,) = (Simulator(RELAXATION, [one], steps=steps).simulate(p) for one in (long, short))
+    np.testing.assert_array_equal(whole[:, :150], part)
 
 
 def test_tables_that_were_dropped_are_made_again():

@@ -1,13 +1,4 @@
-r"""The noise of a record as a process: how it varies with the signal, and its autoregressive spectrum.
-
-.. math:: S(\omega) = \sigma^2 / |1 + \sum_{k=1}^p a_k e^{-i \omega k}|^2
-
-References
-----------
-Percival and Walden, "Spectral Analysis for Physical Applications" (1993), ch. 9: Yule-Walker, Whittle's likelihood.
-Granger and Joyeux, "An introduction to long-memory time series models", J. Time Series Analysis 1 (1980).
-Burnham and Anderson, "Model Selection and Multimodel Inference" (2002), ch. 4: Akaike's weights.
-"""
+"""The noise of a record as a process: how it varies with the signal, and its spectrum."""
 
 from __future__ import annotations
 
@@ -15,33 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 from scipy.optimize import nnls
 
 from mofit._typing import FloatArray
+from mofit.data.signals.autoregressive import autoregressive_spectrum
 from mofit.data.signals.periodicity import periodic_fit
 
 _TINY = np.finfo(float).tiny
-#: Least 1 - 2 d at zero frequency: with d from 0.5 on the mean over the bin would have no end.
-_LEAST_SPAN = 0.1
 
 
 @dataclass(frozen=True)
-class SpectrumSettings:
-    """How the spectrum of a noise is estimated."""
+class LineSettings:
+    """How lines in the spectrum of a noise are told from it."""
 
-    highest_order: int = 12
-    """Of the autoregressive process: six resonances, two coefficients each."""
-    memories: tuple[float, ...] = (0.15, 0.3, 0.45, 0.6)
-    """Exponents d of long memory that are tried; 1/f noise has 0.5, and lies between two."""
-    memory_order: int = 3
-    """Highest order of the autoregressive part beside long memory."""
-    memory_bins: int = 64
-    """Known bins from which long memory can be told from a short one."""
-    bins_per_coefficient: int = 8
-    """Known bins that each coefficient needs at least; with fewer it fits chance."""
-    fill_rounds: int = 4
-    """Rounds of expectation-maximisation, which fill unknown bins with the spectrum found."""
     line: float = 9.0
     """A bin this many times above the noise around it is a line: chance makes one in 8,000. The truncation biases the
     mean of the others by 0.1 %."""
@@ -51,7 +28,7 @@ class SpectrumSettings:
     """Harmonics at which the power that repeats is kept."""
 
 
-SETTINGS = SpectrumSettings()
+LINES = LineSettings()
 
 
 @dataclass(frozen=True)
@@ -134,7 +111,7 @@ def noise_process(
     harmonics = np.empty(0, dtype=np.int64)
     if period and periods >= 1.99:
         noise = residual - periodic_fit(time, residual, period)[0]
-        harmonics = _bins(periods, SETTINGS.harmonics)
+        harmonics = _bins(periods, LINES.harmonics)
         harmonics = harmonics[harmonics < count // 2]
     level = _level(noise, signal)
     power = np.abs(np.fft.rfft(noise / level)) ** 2 / count / (1 - taken)
@@ -144,8 +121,8 @@ def noise_process(
         every = _bins(periods, int(len(power) / periods))
         known[every[every < len(power)]] = False
     spectrum, freedom = autoregressive_spectrum(power, known, count)
-    for _ in range(SETTINGS.line_rounds if without_lines else 0):
-        spectrum, freedom = autoregressive_spectrum(power, known & (power < SETTINGS.line * spectrum), count)
+    for _ in range(LINES.line_rounds if without_lines else 0):
+        spectrum, freedom = autoregressive_spectrum(power, known & (power < LINES.line * spectrum), count)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
     return NoiseProcess(level, spectrum, freedom, harmonics, whole[harmonics])
 
@@ -165,102 +142,9 @@ def effective_samples(residuals: FloatArray) -> float:
     return float(min(len(residuals), 4 * total**2 / (power**2).sum()))
 
 
-def autoregressive_spectrum(power: FloatArray, known: NDArray[np.bool_], count: int) -> tuple[FloatArray, FloatArray]:
-    r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
-
-    Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times the spectrum of a
-    process of low order.
-
-    Parameters
-    ----------
-    power
-        Periodogram :math:`|X_k|^2 / n` on the bins of the real FFT, shape (n // 2 + 1,).
-    known
-        Bins that are noise alone.
-    count
-        Number of samples n.
-
-    Returns
-    -------
-    spectrum
-        S on the bins.
-    degrees_of_freedom
-        Of every bin's estimate, :math:`2 / \mathrm{var}(\log S)`: the variance within a process by Fisher's
-        information, and that between them.
-    """
-    number = int(known.sum())
-    if number == 0:
-        return np.full(len(power), max(float(power.mean()), _TINY)), np.full(len(power), 2.0)
-    highest = max(min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
-    turn = np.exp(-2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(highest + 1)))
-    fits = _fits(power, known, turn)
-    for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
-        shape = _long_memory(count, exponent)[: len(power)]
-        shorter = _fits(power / shape, known, turn[:, : SETTINGS.memory_order + 1])
-        logarithm = np.log(shape)
-        # one coefficient more, and as many ways for chance as exponents are tried
-        offset = float(np.sum(logarithm[known])) + 1 + np.log(len(SETTINGS.memories))
-        fits += [_Fit(fit.criterion + offset, fit.logarithm + logarithm, fit.variance) for fit in shorter]
-    weights = np.exp(min(fit.criterion for fit in fits) - np.array([fit.criterion for fit in fits]))
-    weights /= weights.sum()
-    mean, variance = np.zeros(len(power)), np.zeros(len(power))
-    for weight, fit in zip(weights, fits, strict=True):
-        mean += weight * fit.logarithm
-    for weight, fit in zip(weights, fits, strict=True):
-        variance += weight * (fit.variance + (fit.logarithm - mean) ** 2)
-    return np.exp(mean), np.maximum(2 / np.maximum(variance, 1 / count), 2.0)
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """A process: half of Akaike's criterion, log S on the bins, and the variance of that."""
-
-    criterion: float
-    logarithm: FloatArray
-    variance: FloatArray
-
-
-def _fits(power: FloatArray, known: NDArray[np.bool_], turn: FloatArray) -> list[_Fit]:
-    """Autoregressive processes of every order; ``turn`` is exp(-i omega lag), (bins, lags)."""
-    filled, found = np.where(known, power, power[known].mean()), []
-    for order in range(turn.shape[1]):
-        whitening, spectrum = _fitted(filled, power, known, turn[:, : order + 1])
-        slopes = -2 * (turn[:, 1 : order + 1] / whitening[:, None]).real
-        derivatives = np.concatenate([np.ones((len(power), 1)), slopes], axis=1)
-        information = derivatives[known].T @ derivatives[known]
-        criterion = float(np.sum(np.log(spectrum[known]) + power[known] / spectrum[known])) + order + 1
-        variance = np.einsum("ki,ij,kj->k", derivatives, np.linalg.pinv(information), derivatives)
-        found.append(_Fit(criterion, np.log(spectrum), variance))
-    return found
-
-
-def _long_memory(count: int, exponent: float) -> FloatArray:
-    r"""Spectrum :math:`|2 \sin(\omega/2)|^{-2d}` of fractional noise on the bins; the mean over its bin at zero."""
-    omega = 2 * np.pi * np.arange(count // 2 + 1) / count
-    shape = np.empty(len(omega))
-    shape[1:] = (2 * np.sin(omega[1:] / 2)) ** (-2 * exponent)
-    shape[0] = (np.pi / count) ** (-2 * exponent) / max(1 - 2 * exponent, _LEAST_SPAN)
-    return shape
-
-
 def _bins(periods: float, number: int) -> NDArray[np.int64]:
     """Bins of the fundamental and its harmonics in a record of so many periods."""
     return np.unique(np.round(periods * np.arange(1, number + 1)).astype(np.int64))
-
-
-def _fitted(
-    filled: FloatArray, power: FloatArray, known: NDArray[np.bool_], turn: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Transfer function of the whitening filter, and the spectrum, on the bins; ``turn`` is exp(-i omega lag)."""
-    lags = np.ascontiguousarray(turn.real.T)
-    for _ in range(SETTINGS.fill_rounds):
-        covariance = lags @ filled
-        a = solve_toeplitz(covariance[:-1], -covariance[1:]) if len(lags) > 1 else np.empty(0)
-        whitening = 1 + turn[:, 1:] @ a
-        shape = 1 / np.abs(whitening) ** 2
-        spectrum = np.maximum(shape * np.mean(power[known] / shape[known]), _TINY)
-        filled = np.where(known, power, spectrum)
-    return whitening, spectrum
 
 
 def _level(noise: FloatArray, signal: FloatArray) -> FloatArray:

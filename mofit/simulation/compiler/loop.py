@@ -24,6 +24,7 @@ JOB_FIELDS = (
     "counts",  # integrator steps per sample (refined loops only)
     "substep_rows",  # table of values at every further step (refined loops only)
     "result",  # where the result goes
+    "kept",  # lanes whose outputs are stored, the first ones (loops that store only)
 )
 _FIELD = {name: index for index, name in enumerate(JOB_FIELDS)}
 #: places of the state and of the parameters that are not free among `integrators.GRAPH_INPUTS`
@@ -107,6 +108,7 @@ class _Loop:
         )
         invariant = self._invariant(self.sample, parameters, constant, 0)
         initial = [invariant[index] for index in self.sample.program.outputs[0]]
+        kept = self._field(job, "kept", I64)
         sums = [self.emit.constant(0.0)] * (self.shape.sums * self.reduce)
         step = self._refinement(job, parameters, constant) if self.substep else None
 
@@ -117,7 +119,7 @@ class _Loop:
             if self.reduce:
                 rest[: len(sums)] = self._accumulated(values, rest[: len(sums)], data, k)
             else:
-                self._stored(values, result, k)
+                self._stored(values, result, kept, k)
             if step:
                 ends, rest[len(sums)] = step(k, ends, rest[len(sums)])
             return ends + rest
@@ -175,12 +177,16 @@ class _Loop:
         self.emit.program(split.program, wanted, values)
         return [values[index] for index in wanted]
 
-    def _stored(self, values: Values, result: ir.Value, k: ir.Value) -> None:
-        """Store the outputs of sample ``k``: (ny, 1 + nf, L)."""
-        outputs = self._outputs(self.sample, 2, values)
-        base = self.emit.times(k, len(outputs) * self.lanes)
+    def _stored(self, values: Values, result: ir.Value, kept: ir.Value, k: ir.Value) -> None:
+        """Store the outputs of sample ``k``, (1 + nf, ny, kept): lanes that only pad would take most of the memory.
+
+        Vectors overlap: each is written over the lanes of the one before that are not kept.
+        """
+        build, outputs = self.build, self._outputs(self.sample, 2, values)
+        base = self.emit.times(k, len(outputs))
         for number, value in enumerate(outputs):
-            self.emit.store(value, result, self.build.add(base, self.emit.integer(number * self.lanes)))
+            place = build.mul(build.add(base, self.emit.integer(number)), kept)
+            self.emit.store(value, result, place)
 
     def _accumulated(self, values: Values, sums: list[ir.Value], data: ir.Value, k: ir.Value) -> list[ir.Value]:
         """The sums with sample ``k`` added, unless no output of it has a weight."""

@@ -56,6 +56,12 @@ class Program:
             found.append(level)
         return found
 
+    @cached_property
+    def inputs(self) -> frozenset[int]:
+        """Inputs that the outputs depend on, by number."""
+        needed = self.needed(index for output in self.outputs for index in output)
+        return frozenset(value[0] for index in needed if isinstance(value := self.nodes[index].value, tuple))
+
     def needed(self, roots: Iterable[int], known: Collection[int] = ()) -> list[int]:
         """The nodes to evaluate, in order, for the values of ``roots`` where those of ``known`` are there."""
         marked = set(roots).difference(known)
