@@ -148,7 +148,7 @@ def _constant_data(problem: Problem) -> xr.Dataset:
     signals = {}
     for measurement, experiment in zip(problem.measurements, problem.experiments, strict=True):
         name, time = measurement.name, measurement.time
-        for values, channel in zip(experiment.inputs.T, problem.model.inputs, strict=True):
+        for values, channel in zip(experiment.inputs[experiment.lead :].T, problem.model.inputs, strict=True):
             title = title_of(channel.name, channel.description)
             signals[f"{name}_{channel.name}"] = Signal(name, time, values, channel.unit, title)
         used = np.any(experiment.weights > 0, axis=1).astype(np.int8)
