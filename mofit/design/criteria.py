@@ -68,6 +68,11 @@ def over_samples(values: FloatArray, aggregate: str) -> FloatArray:
     return np.asarray(np.where(usable.all(axis=-1), reduced, np.inf))
 
 
+def sd_over_samples(sds: FloatArray, aggregate: str) -> FloatArray:
+    """Standard deviations (..., N) by sample as one, (...), as a criterion sums up its own: by their logarithm."""
+    return np.asarray(np.exp(over_samples(np.log(np.maximum(sds, np.finfo(float).tiny)), aggregate)))
+
+
 @dataclass(frozen=True)
 class Criterion:
     """A criterion for learning parameters."""

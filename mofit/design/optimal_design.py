@@ -11,7 +11,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.design.candidates import Candidate, RigLimits, output_violation
-from mofit.design.criteria import Criterion, Discrimination, box_precision, scales
+from mofit.design.criteria import Criterion, Discrimination, box_precision, scales, sd_over_samples
 from mofit.design.exchange import CandidatePool, best_selection
 from mofit.design.identifiability import Identifiability, identifiability
 from mofit.design.information import Information, SourceInformation, candidate_information, estimator_precision
@@ -218,7 +218,7 @@ def optimal_design(
     fewer = np.tensordot(times - np.diag(times), exact.estimator, axes=1)
     total = evaluation.start + np.tensordot(times, evaluation.contribution(exact), axes=1)
     ratio = evaluation.relative_sd(fewer) / evaluation.relative_sd(whole)
-    single_sd = np.median(evaluation.relative_sd(found.estimator)[..., places], axis=1)
+    single_sd = np.moveaxis(evaluation.relative_sd(found.estimator)[..., places], 1, -1)
     return Design(
         known=known,
         criterion=criterion,
@@ -232,7 +232,7 @@ def optimal_design(
         value_before=criterion.shown(float(evaluation.objective(evaluation.start))),
         value_after=criterion.shown(float(evaluation.objective(total))),
         singles=np.array([criterion.shown(pool.value((i,))) if usable[i] else np.nan for i in range(len(checked))]),
-        single_sd=np.where(usable[:, None], single_sd, np.nan),
+        single_sd=np.where(usable[:, None], sd_over_samples(single_sd, criterion.aggregate), np.nan),
         without=np.median(ratio[..., places], axis=1),
         pareto=tuple(pareto),
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.design.comparison_result import Comparison, ParameterResult
-from mofit.design.criteria import ENOUGH
+from mofit.design.criteria import ENOUGH, sd_over_samples
 from mofit.design.design_job import Proposal
 from mofit.design.identifiability import IDENTIFIABLE
 from mofit.design.information import SourceInformation
@@ -79,7 +79,7 @@ def _result(entry: ParameterResult, known: SourceInformation) -> dict[str, Any]:
 
 
 def design_summary(proposal: Proposal) -> dict[str, Any]:
-    """Everything of a design; standard deviations are medians over the samples."""
+    """Everything of a design; standard deviations are summed up over the samples as the criterion is."""
     found, job = proposal.design, proposal.job
     parameters = {name: _parameter(found, name) for name in found.names}
     summary: dict[str, Any] = {
@@ -102,8 +102,7 @@ def design_summary(proposal: Proposal) -> dict[str, Any]:
             "of": list(proposal.effects or job.combination or found.names),
             "combination": dict(job.combination),
             "robust": job.robust,
-            "before": found.value_before,
-            "after": found.value_after,
+            **_values(proposal, parameters),
         },
         "exhaustive": found.exhaustive,
         "samples": len(found.known.samples),
@@ -151,6 +150,15 @@ def _not_identifiable(summary: Mapping[str, Any], proposal: Proposal) -> list[st
     return found
 
 
+def _values(proposal: Proposal, parameters: Mapping[str, Any]) -> dict[str, float]:
+    """The criterion before and after; that of a single parameter is what the table of the parameters says of it."""
+    found = proposal.design
+    if found.criterion.name == "c" and not proposal.job.combination:
+        (own,) = parameters.values()
+        return {"before": own["relative_sd_before"], "after": own["relative_sd"]}
+    return {"before": found.value_before, "after": found.value_after}
+
+
 def _ranked(found: Design) -> list[int]:
     """Feasible candidates, the best alone first."""
     values = -found.singles if found.criterion.larger_is_better else found.singles
@@ -161,19 +169,19 @@ def _parameter(found: Design, name: str) -> dict[str, Any]:
     known = found.known
     place = known.source.space.index(name)
 
-    def median(values: FloatArray) -> float:
-        return float(np.median(values[:, place]))
+    def over(values: FloatArray) -> float:
+        return float(sd_over_samples(values[:, place], found.criterion.aggregate))
 
     before, after, relative = found.before, found.after, found.after.relative_sd[:, place]
     return {
-        "sd": median(after.sd * known.derivative),
-        "sd_before": median(before.sd * known.derivative),
+        "sd": over(after.sd * known.derivative),
+        "sd_before": over(before.sd * known.derivative),
         "sd_at_values": float(after.sd[0, place] * known.derivative[0, place]),
-        "relative_sd": median(after.relative_sd),
-        "relative_sd_before": median(before.relative_sd),
+        "relative_sd": over(after.relative_sd),
+        "relative_sd_before": over(before.relative_sd),
         "low": float(relative.min()),
         "high": float(relative.max()),
-        "conditional_sd": median(after.conditional_sd * known.derivative),
+        "conditional_sd": over(after.conditional_sd * known.derivative),
         "verdict": after.verdict(place),
         "verdict_before": before.verdict(place),
         "unit": known.source.space[name].unit,

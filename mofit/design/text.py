@@ -130,9 +130,16 @@ def criterion_text(design: Mapping[str, Any]) -> str:
         "E": f"Relative standard deviation in the worst direction of {of}",
     }[own["name"]]
     how = "every selection of tests was evaluated" if design["exhaustive"] else "found by exchanges"
-    over = f"{'mean' if own['robust'] == 'mean' else 'worst'} over {design['samples']} parameter samples"
+    over = samples_text(design)
     before, after = value_text(design, own["before"]), value_text(design, own["after"])
     return f"{what}: {before} before, {after} after {design['seconds']:.0f} s more ({over}; {how})."
+
+
+def samples_text(design: Mapping[str, Any]) -> str:
+    """How figures of a design are summed up over the parameter samples."""
+    return (
+        f"{'mean' if design['criterion']['robust'] == 'mean' else 'worst'} over {design['samples']} parameter samples"
+    )
 
 
 def seconds_text(seconds: float) -> str:

@@ -163,7 +163,8 @@ def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tup
 
     Of the starts that end in one minimum, the one from the earliest stage of the search found it.
     """
-    first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
+    with explained(problem.main):
+        first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
     counted = with_settled_noise(problem, first[0].point)

@@ -49,6 +49,8 @@ def led_in(
         if not _depends_on_start(best.posterior.main.with_noise(posterior.main.noise), led.posterior.main, point):
             break
         target = led.posterior.with_noise(posterior.main.noise)
+        if not np.isfinite(target.evaluate(point[None])[0]).all():  # from elsewhere the model runs away
+            break
         (found, *_) = merge(refine(target.evaluate, point[None])) or (None,)
         if found is None or not value - found.value > WORTH:
             break

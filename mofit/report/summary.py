@@ -10,7 +10,17 @@ from markupsafe import Markup
 from mofit._typing import FloatArray
 from mofit.report.run import PLAUSIBLE, Run
 from mofit.report.toolkit.blocks import Block, Raw, Section, Text, banner, bullets, cards
-from mofit.report.toolkit.formatting import count, listed, number, percent, plus_minus, symbol, unit_text, whole_percent
+from mofit.report.toolkit.formatting import (
+    count,
+    interval,
+    listed,
+    number,
+    percent,
+    plus_minus,
+    symbol,
+    unit_text,
+    whole_percent,
+)
 from mofit.results import green
 
 _NOTABLE = 1.2
@@ -137,17 +147,22 @@ def _cards(run: Run, found: Headline) -> Raw:
 
 def _best(run: Run) -> Markup:
     best = run.best
-    rows = zip(best.parameters, best.array("value"), best.array("sd"), strict=True)
+    rows = zip(best.parameters, *(best.array(name) for name in ("value", "sd", "q05", "q95")), strict=True)
     values = [
         Markup("{}&nbsp;= {}{}").format(
-            symbol(name),
-            plus_minus(value, sd).replace(" ±", "\u00a0±"),
-            f" {run.unit(name)}" if unit_text(run.unit(name)) else "",
+            symbol(name), _estimate(*numbers), f" {run.unit(name)}" if unit_text(run.unit(name)) else ""
         )
-        for name, value, sd in rows
+        for name, *numbers in rows
     ]
     share = f" (posterior probability {percent(best.probability)})" if len(run.modes) > 1 else ""
     return Markup("<b>Best mode {}</b>{}: {}.").format(best.name, share, listed(values))
+
+
+def _estimate(value: float, sd: float, low: float, high: float) -> str:
+    """A value with its standard deviation, or the 90 % interval where that does not hold the value."""
+    if value < low or value > high:
+        return f"{interval(low, high, sd)} (90\u00a0%)"
+    return plus_minus(value, sd).replace(" ±", "\u00a0±")
 
 
 def _fit(run: Run, found: Headline) -> Markup:

@@ -8,6 +8,7 @@ import pytest
 
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.diagnosis.diagnose import diagnose
+from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import build_system, find_model
@@ -53,6 +54,15 @@ def test_the_start_of_a_record_does_not_bias_the_damping(at_rest: tuple[float, .
     assert led == {f"{frequency:g} Hz" for frequency in DRIVEN if frequency not in at_rest}
     said = [warning for warning in found.warnings if "begins in its steady state" in warning]
     assert len(said) == bool(led)
+
+
+def test_the_result_holds_the_inputs_as_recorded(tmp_path) -> None:
+    """Not what acts on the model before."""
+    data, settings = campaign(), Settings(evaluations=300, jobs=1, sample=False)
+    _, tree = identify(data, find_model("oscillator"), settings, out=tmp_path / "run")
+    assert "begins in its steady state" in tree.attrs["warnings"]
+    for test in data.measurements:
+        assert tree[f"constant_data/{test.name}_force"].values == pytest.approx(test.channel("force"))
 
 
 @pytest.mark.parametrize("damping", [0.1, 0.2])

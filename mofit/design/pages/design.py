@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mofit.design.design_job import Proposal
-from mofit.design.text import GRADES, criterion_text, seconds_text, settings_text, value_text
+from mofit.design.text import GRADES, criterion_text, samples_text, seconds_text, settings_text, value_text
 from mofit.report.toolkit.axes import log_if_wide
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Raw, Section, Table, Text, badge, banner, words
 from mofit.report.toolkit.figures import BASELINE, Panels, dot_key, line_key, mode_colour
@@ -54,7 +54,7 @@ def _tests(proposal: Proposal, summary: Mapping[str, Any]) -> Section:
             words("Before", [badge(v, GRADES[v]) for v in (entry["verdict_before"] for entry in entries)]),
             words("After", [badge(v, GRADES[v]) for v in (entry["verdict"] for entry in entries)]),
         ],
-        f"Expected standard deviation of the estimate, median over {summary['samples']} parameter samples. Range: of "
+        f"Expected standard deviation of the estimate, {samples_text(summary)}. Range: of "
         "the relative one after, over the samples.",
     )
     missed = [banner(sentence, "bad") for sentence in summary["not_identifiable"]]
