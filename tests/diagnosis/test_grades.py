@@ -1,7 +1,9 @@
 """The right cause with another law is named partly: with its family, what is left, and no certainty."""
 
+import re
 from dataclasses import replace
 from functools import cache
+from html import unescape
 
 import numpy as np
 import pytest
@@ -81,3 +83,12 @@ def test_every_shipped_effect_has_a_family() -> None:
     assert [name for name, family in families.items() if not family] == []
     assert families["dry_friction"] == families["coulomb_friction"] == families["bouc_wen"]
     assert len(set(families.values())) < len(families)
+
+
+def test_the_bias_of_a_parameter_that_is_zero_is_no_percentage() -> None:
+    """Offset and progression of the damper are zero: relative to them any bias would be huge."""
+    found = damper_diagnosis((("dry_friction", (("F_d", 30.0),)),))
+    page = unescape(diagnosis_page(found).html).replace("\u202f", "").replace("−", "-")
+    percentages = [float(text) for text in re.findall(r"(-?[\d.]+)%", page)]
+    assert percentages
+    assert max(map(abs, percentages)) <= 100

@@ -98,18 +98,20 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
 
 def _bias_table(data: Mapping[str, Any]) -> Table:
     own = data["model_parameters"]
-    biases = [(one["before"] - one["after"]) / one["after"] if one["after"] else np.nan for one in own.values()]
+    biases = [one["before"] - one["after"] for one in own.values()]
+    in_sd = [bias / one["sd"] if one["sd"] else np.nan for bias, one in zip(biases, own.values(), strict=True)]
     return Table(
         [
             Column("Parameter", [symbol(name) for name in own]),
             Column("Without the effect", [compact(one["before"], 4) for one in own.values()]),
             Column("With", [compact(one["after"], 4) for one in own.values()]),
+            Column("Bias", [compact(bias, 3) for bias in biases]),
             words("Unit", [unit_text(one["unit"]) for one in own.values()]),
-            Column("Bias", [percent(bias) for bias in biases]),
+            Column("Bias / sd", [number(ratio, 2) for ratio in in_sd]),
             words("", [_bias_badge(one) for one in own.values()]),
         ],
         "A small residual is not a small effect: the model's own parameters absorb it where they can. Biased: the "
-        "effect moves the estimate by more than three standard deviations.",
+        "effect moves the estimate by more than three standard deviations (sd).",
     )
 
 
