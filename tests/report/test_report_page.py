@@ -115,6 +115,22 @@ def test_a_parameter_that_the_data_leave_open_is_named(tmp_path) -> None:
     assert "<b>Not identifiable:</b> <span>extra_1</span>" in (tmp_path / REPORT_FILE).read_text(encoding="utf-8")
 
 
+def test_a_value_outside_of_its_interval_is_not_given_with_a_standard_deviation(tmp_path) -> None:
+    """As at the end of a range, where the posterior is wide and lies beside its maximum."""
+    tree = result_trees.make_result(synthetic_rigs.tyre(), clusters=1, steps=40)
+    mode = tree["modes/m1"]
+    place = [str(name) for name in mode["parameter"].values].index("d_M")
+    for name, value in (("value", 10_000.0), ("sd", 2_200.0), ("q05", 390.0), ("q95", 7_500.0)):
+        changed = mode[name].copy(deep=True)
+        changed[place] = value
+        mode[name] = changed
+    page = report(tmp_path, tree)
+    headline = page[page.index("<b>Best mode m1</b>") :].partition("</p>")[0]
+    assert "390 … 7\u202f500 (90\u00a0%) N s/m" in headline
+    assert "10\u202f000" not in headline
+    assert headline.count("±") == 2
+
+
 @pytest.mark.parametrize("rig", [synthetic_rigs.tyre, synthetic_rigs.damper, synthetic_rigs.oscillator])
 def test_missing_groups_leave_their_sections_out(tmp_path, rig) -> None:
     page = report(tmp_path, result_trees.make_result(rig(), optional=False, clusters=1, steps=20))
