@@ -109,7 +109,11 @@ def test_the_next_test_is_the_one_that_theory_names(rig, tmp_path, capsys):
     entry = found["parameters"]["d"]
     assert found["expected"] == {"d": entry["sd"]}
     assert entry["sd"] < entry["sd_before"] / 3
+    # the criterion of a single parameter is its standard deviation
     assert found["criterion"]["name"] == "c"
+    assert found["criterion"]["before"] == entry["relative_sd_before"]
+    assert found["criterion"]["after"] == entry["relative_sd"]
+    assert f"{100 * entry['relative_sd']:.3g} % after" in (tmp_path / "page.html").read_text()
     # 20 mm breaks the amplitude, 6.4 Hz at 10 mm the rate; 10 mm at high frequency the force
     assert found["infeasible"] == {"amplitude": 7, "rate": 1, "force": 3}
     page = (tmp_path / "page.html").read_text()

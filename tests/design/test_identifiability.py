@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from mofit.design.criteria import Criterion, sd_over_samples
 from mofit.design.identifiability import (
     COMBINATION,
     IDENTIFIABLE,
@@ -128,3 +129,13 @@ def test_draws_are_balanced(size: int) -> None:
     draws = balanced_draws(size, SETTINGS.draws)
     np.testing.assert_allclose(draws.mean(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(draws.T @ draws / len(draws), np.eye(size), atol=1e-12)
+
+
+def test_standard_deviations_are_summed_up_as_the_criterion_is():
+    """A diagonal precision: the criterion of its second parameter is that parameter's standard deviation."""
+    sds = np.array([[0.1, 0.02], [0.1, 0.5], [0.1, 0.03]])
+    precision = np.stack([np.diag(own**-2.0) for own in sds])
+    for aggregate, expected in (("mean", np.cbrt(0.02 * 0.5 * 0.03)), ("worst", 0.5)):
+        found = Criterion("c", np.array([[0.0, 1.0]]), aggregate)
+        assert sd_over_samples(sds[:, 1], aggregate) == pytest.approx(expected)
+        assert found.shown(float(found(precision))) == pytest.approx(expected)
