@@ -108,6 +108,7 @@ def test_a_value_that_cannot_be_used_is_one_message(arguments, words, rig, capsy
             "test '0.5Hz': the derivative of state 'x' is NaN at ",
         ),
         ("s.c * s.x", "ca.log(-1 - s.c)", "output 'force' is NaN at 0 s"),
+        ("- s.x\n", "- s.c * ca.sqrt(s.x)\n", "output 'force' is finite, but not its derivatives by the parameters"),
     ],
 )
 def test_a_model_that_fails_says_where(old, new, words, rig, capsys):
