@@ -21,6 +21,9 @@ BENCHMARKS = {
     "withheld_effects_paper": "withheld_effects.run_paper",
 }
 
+#: The least value of an option.
+LEAST = {"runs": 1, "seed": 0, "jobs": 1, "limit": 0, "peers": 0}
+
 
 def run_benchmark(name: str, **options: float | None) -> dict[str, Any]:
     """Run a benchmark: ``{"rows": one per competitor, "settings": what it was run with}``.
@@ -35,7 +38,7 @@ def run_benchmark(name: str, **options: float | None) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If there is none of that name (names the closest one), or if it does not take an option.
+        If there is none of that name (names the closest one), or if it does not take an option or its value.
     """
     if name not in BENCHMARKS:
         raise InputError.of(f"bench {name}", "unknown benchmark", did_you_mean(name, tuple(BENCHMARKS)))
@@ -47,6 +50,11 @@ def run_benchmark(name: str, **options: float | None) -> dict[str, Any]:
         Issue(f"bench {name}, option --{option}", "it does not take this option", "Leave it out")
         for option in given
         if option not in known
+    )
+    raise_errors(
+        Issue(f"bench {name}, option --{option}", f"{value:g} cannot be used", f"Give at least {LEAST[option]}")
+        for option, value in given.items()
+        if not value >= LEAST[option]
     )
     rows, settings = run(**given)
     return {"rows": rows, "settings": settings}

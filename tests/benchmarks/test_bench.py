@@ -95,6 +95,12 @@ def test_options_that_a_benchmark_does_not_take():
         run_benchmark("kernel", runs=3)
 
 
+@pytest.mark.parametrize(("option", "value"), [("runs", 0), ("runs", -3), ("jobs", 0), ("seed", -1)])
+def test_values_that_a_benchmark_does_not_take(option, value):
+    with pytest.raises(InputError, match=f"--{option}: {value} cannot be used"):
+        run_benchmark("rastrigin", **{option: value})
+
+
 def test_an_absent_competitor_has_a_row_with_the_reason():
     def absent():
         raise Absent("not here")
