@@ -5,8 +5,6 @@ from __future__ import annotations
 import atexit
 import gc
 import os
-import sys
-import warnings
 from collections.abc import Sequence
 
 from cyclopts import CycloptsError
@@ -15,7 +13,7 @@ from cyclopts import CycloptsError
 from mofit.cli import campaign, design, identify, predict, runs  # noqa: F401
 from mofit.cli.app import DONE, INTERRUPTED, NOT_CONVERGED, UNEXPECTED, UNUSABLE, app, say
 from mofit.cli.time_limit import TimeIsUp
-from mofit.cli.unexpected import command_line, log_unexpected
+from mofit.cli.unexpected import command_line, log_unexpected, warnings_in_words
 from mofit.errors import MofitError
 
 #: What a user can do after Ctrl-C, by command; the others keep nothing.
@@ -35,9 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gc.set_threshold(50_000, 20, 20)
     atexit.register(gc.freeze)  # the search for garbage before the end takes half a second
     try:
-        with warnings.catch_warnings():
-            if not sys.warnoptions:  # a search tries what overflows; the user's own filters win
-                warnings.simplefilter("ignore", RuntimeWarning)
+        with warnings_in_words():
             code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return code if isinstance(code, int) else DONE
     except MofitError as error:

@@ -1,4 +1,4 @@
-"""The last guard: an error that nobody foresaw goes into a log, not onto the screen."""
+"""The last guard: an error that nobody foresaw goes into a log, not onto the screen; a warning becomes a sentence."""
 
 from __future__ import annotations
 
@@ -7,11 +7,33 @@ import platform
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
 
 from mofit import __version__
+
+
+@contextmanager
+def warnings_in_words() -> Iterator[None]:
+    """Of warnings of Python that nobody foresaw, as of an overflow, one sentence each on standard error.
+
+    What a search tries and cannot compute warns of nothing: it is expected where it is computed.
+    """
+    told = set[str]()
+
+    def show(message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: object) -> None:
+        text = " ".join(str(message).split())
+        if text not in told:
+            told.add(text)
+            place = f"{Path(filename).name}, line {lineno}"
+            print(f"mofit: warning: {text} ({place}). Check that the results are plausible.", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
 
 
 def log_unexpected(error: BaseException, arguments: Sequence[str]) -> str:

@@ -118,6 +118,15 @@ def test_a_model_that_fails_says_where(old, new, words, rig, capsys):
         assert words in said([command, rig, "--model", "own.py:Own"], capsys)
 
 
+@pytest.mark.filterwarnings("default")
+def test_a_warning_that_nobody_foresaw_is_a_sentence(rig, capsys):
+    numbers = "import numpy as np\nLARGE = np.full(2, 1e308) * 10\n"
+    Path("own.py").write_text(numbers + OWN)
+    assert main(["compare", rig, "--model", "own.py:Own", "--samples", "1", "--jobs", "1"]) in (0, 4)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("mofit: warning: overflow encountered in multiply (own.py, line 2). ")
+
+
 def test_a_plan_of_a_trillion_samples_is_refused(rig, capsys):
     plan = """
 title = "fast"

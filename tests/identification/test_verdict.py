@@ -16,6 +16,7 @@ RNG = np.random.default_rng(4)
         (RNG.normal(0.5, 0.18, 5000).clip(0.02, 0.98), "weakly identified"),
         (1 - RNG.exponential(0.05, 5000).clip(0, 1), "lower limit only"),
         (RNG.exponential(0.05, 5000).clip(0, 1), "upper limit only"),
+        (RNG.normal(39.3e-5, 1e-5, 5000), "identified"),  # near the end of the range, and 39 sd away from it
     ],
 )
 def test_verdict(samples, expected):

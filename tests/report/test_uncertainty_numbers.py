@@ -254,6 +254,22 @@ def test_estimates_at_a_bound_or_as_wide_as_the_box_are_left_out(tyre) -> None:
     assert "about as wide as the prior box: sine_1Hz" in third.text
 
 
+def test_tests_that_agree_with_one_another_but_not_with_all_together_disagree(tyre) -> None:
+    """Each alone takes the damping for a branch's: pooled 621 ± 17, all together near 281."""
+    tree = tyre.tree.copy(deep=True)
+    node = tree["per_frequency"]
+    value, sd = node.dataset["value"].copy(deep=True), node.dataset["sd"].copy(deep=True)
+    sine = [k for k, kind in enumerate(tyre.excitations) if kind == "sine"]
+    value[sine, 0, 0], sd[sine, 0, 0] = 621.0, 17.0 * np.sqrt(len(sine))
+    node.dataset = node.to_dataset().assign(value=value, sd=sd)
+    changed = Run(tree)
+    first, *_ = extract_homogeneity(changed, extract_per_test(changed))
+    assert (first.pooled, first.pooled_sd) == pytest.approx((621.0, 17.0))
+    assert first.p > 0.99
+    assert first.agree is False
+    assert "agree with one another, but lie" in first.text
+
+
 def test_amplitude_and_phase_of_a_sine() -> None:
     time = np.arange(0, 3.0, 0.01)
     signals = np.stack([2.5 * np.cos(2 * np.pi * time - 0.4) + 3, np.sin(2 * np.pi * time)])
