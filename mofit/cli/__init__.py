@@ -16,11 +16,8 @@ from mofit.cli.time_limit import TimeIsUp
 from mofit.cli.unexpected import command_line, log_unexpected, warnings_in_words
 from mofit.errors import MofitError
 
-#: What a user can do after Ctrl-C, by command; the others keep nothing.
-_AFTER_INTERRUPTION = {
-    "identify": "Nothing is lost: the same command with --resume goes on, and estimates.json holds what is known.",
-    "batch": "Nothing is lost: the same command goes on.",
-}
+#: What a user can do after Ctrl-C, by command; of the others what interrupted them has a note, if they keep anything.
+_AFTER_INTERRUPTION = {"batch": "Nothing is lost: the same command goes on."}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -42,16 +39,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CycloptsError as error:
         say(f"mofit: {error}".rstrip() + " See mofit --help.")
         return UNUSABLE
-    except TimeIsUp:
-        command = next(iter(command_line(arguments)), "")
-        say(f"mofit: the time limit is reached. {_AFTER_INTERRUPTION.get(command, 'Nothing was written.')}")
+    except TimeIsUp as stop:
+        say(f"mofit: the time limit is reached. {_after(stop, arguments)}")
         return NOT_CONVERGED
-    except KeyboardInterrupt:
-        command = next(iter(command_line(arguments)), "")
-        say(f"mofit: interrupted. {_AFTER_INTERRUPTION.get(command, 'Nothing was written.')}")
+    except KeyboardInterrupt as stop:
+        say(f"mofit: interrupted. {_after(stop, arguments)}")
         return INTERRUPTED
     except BrokenPipeError:
         return DONE
     except Exception as error:  # noqa: BLE001 - the one place where anything may arrive
         say(f"mofit: {log_unexpected(error, command_line(arguments))}")
         return UNEXPECTED
+
+
+def _after(stop: BaseException, arguments: Sequence[str] | None) -> str:
+    """What is left of an interrupted command."""
+    command = next(iter(command_line(arguments)), "")
+    notes = getattr(stop, "__notes__", ())
+    return _AFTER_INTERRUPTION.get(command) or " ".join(notes) or "Nothing was written."

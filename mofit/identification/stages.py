@@ -49,7 +49,7 @@ P = TypeVar("P", bound=CampaignPosterior)
 #: freeing these can raise a probability, but not a thousandfold.
 LEAST_PROBABILITY = 1e-6
 #: Share of a time limit for one search, the points at which its pace is measured, and the least and the usual budget.
-SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 16, 100, 4000
+SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 4, 100, 4000
 #: Budget where every evaluation fits the scoped parameters of all tests.
 SCOPED_EVALUATIONS = 1000
 #: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
@@ -131,12 +131,12 @@ def _evaluations(problem: Problem, settings: Settings) -> int | None:
     """The budget of the search: as asked for, less where the time limit does not allow it; None: the search's own."""
     if settings.time_limit is None:
         return settings.evaluations or (SCOPED_EVALUATIONS if problem.simulator.absorbed else None)
-    points = np.random.default_rng(settings.seed).random((PACED, len(problem.space)))
-    problem.gradients(points[:1])  # compiles
+    points = np.random.default_rng(settings.seed).random((PACED + 1, 1, len(problem.space)))
+    problem.gradients(points[0])  # compiles
     began = time.perf_counter()
-    problem.objectives(points)
-    problem.gradients(points)
-    pace = (time.perf_counter() - began) / (2 * PACED)
+    for point in points[1:]:  # one by one, as most of the search does
+        problem.gradients(point)
+    pace = (time.perf_counter() - began) / PACED
     allowed = max(FEWEST_EVALUATIONS, int(SEARCH_SHARE * settings.time_limit / pace))
     return min(allowed, settings.evaluations or MOST_EVALUATIONS)
 

@@ -67,8 +67,8 @@ def run_folder(
     By default it is the next free one of ``runs/<stem>``, ``runs/<stem>-2`` … With ``resume`` it is that of an
     interrupted run of the same ``configuration``, which is everything that decides the run's numbers; if there is
     none, a new one. The work goes into `RunFolder.partial`. What is there stays for ``--resume`` after an interruption,
-    unless it is nothing yet or the run is not ``resumable``. Bad input found on the way leaves nothing behind, unless
-    an earlier run had left the folder.
+    unless it is nothing yet or the run is not ``resumable``; the exception gets a note that says so. Bad input found on
+    the way leaves nothing behind, unless an earlier run had left the folder.
 
     Raises
     ------
@@ -92,6 +92,8 @@ def run_folder(
         if not resumable or not folder.has_results or (new and isinstance(error, InputError)):
             _discard(folder.partial)
             _remove_empty(made)
+        elif not isinstance(error, Exception):  # interrupted, or out of time
+            error.add_note(f"What is known so far is in {folder.partial}; the same command with --resume goes on.")
         held.release(folder.partial / LOCK)
         raise
     held.release(folder.target / LOCK)

@@ -1,5 +1,6 @@
 """A run's folder is claimed before the work, appears whole or not at all, and an interrupted one can be taken up."""
 
+import contextlib
 import errno
 import json
 import os
@@ -60,6 +61,17 @@ def test_an_interruption_before_anything_was_written_leaves_nothing(tmp_path, mo
     with pytest.raises(KeyboardInterrupt), run_folder(None, "stem", CONFIG):
         raise KeyboardInterrupt
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("resumable", [True, False])
+def test_what_interrupts_the_work_is_told_what_is_left_of_it(resumable, tmp_path):
+    stop = KeyboardInterrupt()
+    options = {"resumable": resumable}
+    with contextlib.suppress(KeyboardInterrupt), run_folder(tmp_path / "run", "stem", CONFIG, **options) as folder:
+        (folder.partial / "result.nc").write_text("half")
+        raise stop
+    place = f"What is known so far is in {tmp_path / 'run.partial'}; the same command with --resume goes on."
+    assert getattr(stop, "__notes__", []) == [place] * resumable
 
 
 @pytest.mark.parametrize("out", ["run", None])
