@@ -11,8 +11,9 @@ from pathlib import Path
 
 import xarray as xr
 
+from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.identification.estimates import estimates
+from mofit.identification.estimates import estimates, unrefined
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
 from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
@@ -22,6 +23,7 @@ from mofit.identification.result_tree import assemble
 from mofit.identification.settings import Settings
 from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
 from mofit.models import Model, build_system
+from mofit.problem import Problem
 from mofit.report import report_beside
 from mofit.results import write_result
 from mofit.runtime.files import write_text
@@ -100,12 +102,13 @@ def identify(
     stem = f"{slug(campaign.title) or 'run'}-{model.name}"
     with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
         log.write_to(folder.partial / LOG)
-        located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress)
+        known = folder.partial / ESTIMATES_FILE
+        found = partial(_write_unrefined, known)
+        located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress, searched=found)
         references = partial(fit_references, located, model, campaign, settings)
         with beside(references, settings.jobs > 1) as fitted:
             with timer.measure("refine"):
                 minima = adjusted_modes(located.posterior, located.minima, settings)
-                known = folder.partial / ESTIMATES_FILE
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
             give_back()
             with timer.measure("sample"):
@@ -134,6 +137,10 @@ def identify(
             known.unlink()
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
+
+
+def _write_unrefined(file: Path, problem: Problem, points: FloatArray) -> None:
+    write_text(file, json.dumps(unrefined(problem, points), indent=1))
 
 
 def _end_of_sampling(limit: float | None) -> float:

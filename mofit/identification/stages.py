@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from mofit.data import Campaign
 from mofit.errors import InputError
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
+from mofit.identification.search_budget import search_budget
 from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
@@ -44,14 +45,12 @@ from mofit.sampling import (
 )
 
 P = TypeVar("P", bound=CampaignPosterior)
+#: Hears of a problem and of the minima (k, d) that the search has found.
+Searched = Callable[[Problem, FloatArray], None]
 
 #: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
 #: freeing these can raise a probability, but not a thousandfold.
 LEAST_PROBABILITY = 1e-6
-#: Share of a time limit for one search, the points at which its pace is measured, and the least and the usual budget.
-SEARCH_SHARE, PACED, FEWEST_EVALUATIONS, MOST_EVALUATIONS = 0.25, 4, 100, 4000
-#: Budget where every evaluation fits the scoped parameters of all tests.
-SCOPED_EVALUATIONS = 1000
 #: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
 FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
@@ -68,13 +67,17 @@ def locate_minima(
     *,
     timer: StageTimer | None = None,
     progress: Progress = silent,
+    searched: Searched = lambda problem, points: None,
 ) -> Located:
-    """Calibrate, search and refine; see `mofit.identification.identify` for the parameters."""
+    """Calibrate, search and refine; see `mofit.identification.identify` for the parameters.
+
+    ``searched`` is called with the problem and the minima (k, d) as soon as the first search has found them.
+    """
     timer = timer or StageTimer()
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
-    located, notes = _located(setup, timer, progress), list[str]()
+    located, notes = _located(setup, timer, progress, searched), list[str]()
     for widen in (led_setup, wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
@@ -88,13 +91,16 @@ def locate_minima(
     return replace(located, warnings=(*located.warnings, *notes)) if notes else located
 
 
-def _located(setup: ProblemSetup, timer: StageTimer, progress: Progress) -> Located:
+def _located(
+    setup: ProblemSetup, timer: StageTimer, progress: Progress, tell: Searched = lambda problem, points: None
+) -> Located:
     """Search and refine in the ranges of a problem."""
     with timer.measure("prepare"):
         searched, posterior = setup.searched, setup.posterior
     with timer.measure("search"):
         found, weights = search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
+        tell(searched, starts_of(found)[0])
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, *starts_of(found))
         posterior, minima = _with_calibrated_free(posterior, searched, rough)
@@ -122,23 +128,9 @@ def search(
     weights = search_weights(problem, settings.weights)
     run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
     with explained(problem):
-        budget = search_settings(settings.search, _evaluations(problem, settings))
+        budget = search_settings(settings.search, search_budget(problem, settings))
         found = run(problem.objectives, problem.gradients, len(problem.space), rng, budget, weights, progress)
     return found, weights
-
-
-def _evaluations(problem: Problem, settings: Settings) -> int | None:
-    """The budget of the search: as asked for, less where the time limit does not allow it; None: the search's own."""
-    if settings.time_limit is None:
-        return settings.evaluations or (SCOPED_EVALUATIONS if problem.simulator.absorbed else None)
-    points = np.random.default_rng(settings.seed).random((PACED + 1, 1, len(problem.space)))
-    problem.gradients(points[0])  # compiles
-    began = time.perf_counter()
-    for point in points[1:]:  # one by one, as most of the search does
-        problem.gradients(point)
-    pace = (time.perf_counter() - began) / PACED
-    allowed = max(FEWEST_EVALUATIONS, int(SEARCH_SHARE * settings.time_limit / pace))
-    return min(allowed, settings.evaluations or MOST_EVALUATIONS)
 
 
 def fit(setup: ProblemSetup) -> LocalFit:

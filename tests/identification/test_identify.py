@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from arviz_stats import summary as az_summary
+from damper_rig import damper_campaign
 from labels import unlabelled
 from lag_rig import TRUTH, campaign, write_rig
 
@@ -252,3 +253,23 @@ def test_unknown_names_are_refused_together(rig):
     with pytest.raises(InputError) as caught:
         identify(campaign(), lag, Settings(bounds={"kk": (0, 1)}, fixed={"Tau": 1.0}))
     assert len(caught.value.issues) == 2
+
+
+def test_a_run_that_is_stopped_after_the_search_leaves_what_it_found(tmp_path):
+    """Without standard deviations, and named so; the resumed run has them."""
+    model, settings = find_model("kelvin_voigt_damper"), Settings(jobs=1, sample=False)
+
+    def stop(stage, *about):
+        if stage == "refine":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        identify(damper_campaign(), model, settings, out=tmp_path / "run", progress=stop)
+    assert "--resume" in caught.value.__notes__[0]
+    known = json.loads((tmp_path / "run.partial" / "estimates.json").read_text(encoding="utf-8"))
+    assert known["spread"] == "not known, not refined"
+    best = known["modes"][0]["parameters"]
+    assert best["d"]["value"] == pytest.approx(1500, rel=0.05)
+    assert best["d"]["sd"] is None
+    _, tree = identify(damper_campaign(), model, settings, out=tmp_path / "run", resume=True)
+    assert float(tree["modes/m1"]["value"].sel(parameter="d")) == pytest.approx(1500, rel=0.01)
