@@ -155,9 +155,9 @@ class Remainder:
         """
         observed = self.observed
         shares = np.bincount(observed.record, weight)
-        levels = np.bincount(observed.record, weight * observed.degrees_of_freedom) / np.where(shares > 0, shares, 1.0)
-        used = shares > 0
-        behind = float(shares.sum() ** 2 / np.sum(shares[used] ** 2 / levels[used]))
+        # few lines known badly make a sum uncertain, however well the others are known
+        inverse = np.bincount(observed.record, weight / observed.degrees_of_freedom)
+        behind = float(shares.sum() ** 2 / np.sum(shares * inverse))
         return float(fisher.sf(total / count, count, behind))
 
     def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:

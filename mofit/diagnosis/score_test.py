@@ -112,13 +112,21 @@ class ScoreTest:
 def score_tests(fitted: Fitted, candidates: Iterable[Candidate]) -> list[ScoreTest]:
     """Test every candidate that the fitted hypothesis does not have yet, the most significant first."""
     projection = project(fitted)
-    freedom = fitted.hypothesis.observed.degrees_of_freedom
-    freedom = np.concatenate([freedom, np.full(len(projection.basis) - len(freedom), np.inf)])
+    freedom = _degrees_of_freedom(fitted, len(projection.basis))
     present = {effect.name for effect in fitted.hypothesis.effects}
     found = [_score(projection, freedom, candidate) for candidate in candidates if candidate.name not in present]
     found.sort(key=lambda one: (one.p_value, -one.statistic))
     adjusted = holm([one.p_value for one in found])
     return [replace(one, p_holm=p) for one, p in zip(found, adjusted, strict=True)]
+
+
+def _degrees_of_freedom(fitted: Fitted, rows: int) -> FloatArray:
+    """Of the noise of every row (rows,): of the tests, of the stages' estimates, and of the box."""
+    observed = fitted.hypothesis.observed
+    prior = len(fitted.residual) - len(observed.measured)
+    stages = min((one.freedom for one in observed.calibrations), default=np.inf)
+    rest = rows - len(fitted.residual)
+    return np.concatenate([observed.degrees_of_freedom, np.full(prior, stages), np.full(rest, np.inf)])
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -151,8 +159,8 @@ def _score(projection: Projection, freedom: FloatArray, candidate: Candidate) ->
     best = int(np.argmax(statistics))
     biases = [projection.absorbed(columns @ size) for columns, size in zip(candidate.sensitivities, sizes, strict=True)]
     # degrees of freedom behind the rows that matter (Satterthwaite)
-    power = np.sum(candidate.sensitivities[best] ** 2, axis=1)
-    behind = float(1 / np.sum(power / power.sum() / freedom[: len(power)])) if power.sum() > 0 else 1.0
+    power = np.sum(projection.apply(candidate.sensitivities[best]) ** 2, axis=1)
+    behind = float(1 / np.sum(power / power.sum() / freedom)) if power.sum() > 0 else 1.0
     return ScoreTest(
         candidate=candidate,
         best=best,

@@ -16,7 +16,7 @@ from mofit.diagnosis.whitening import Whitening
 #: Harmonics with a class of their own where the excitation is a sine; higher ones hold too little of a smooth effect.
 HARMONICS = 10
 #: Excited lines that a smooth effect combines at most: a cubic one three.
-_ORDER = 3
+ORDER = 3
 #: Odd multiples of half the excitation's frequency with a class of their own.
 SUBHARMONICS = 3
 #: Lines on each side that a frequency between two lines reaches: the main lobe of a rectangular window, nearly.
@@ -88,7 +88,7 @@ def classify(w: Whitening, excitation: FloatArray, orders: Mapping[str, float]) 
     away = np.abs(number - m)
     slow = (number < m / 2) | ((away <= _MODULATION) & (away < m / 2)) if m else nowhere
     # a sparsely filled band counts as a whole: harmonics of its lines fall between them
-    excited = nowhere if m else number <= 2 * _highest_excited(excitation)
+    excited = nowhere if m else number <= 2 * highest_excited(excitation)
     place = [w.count * w.step * f + sideband * m for f in orders.values() for sideband in ((-1, 0, 1) if m else (0,))]
     near = np.any([nowhere, *(np.abs(number - line) < _LEAKAGE for line in place)], axis=0)
     found = {
@@ -115,10 +115,10 @@ def highest_harmonic(excitation: FloatArray, periods: int) -> int:
 
     A multisine excites many: a gap lies on their lines, and on sums and differences of up to three of them.
     """
-    return max(HARMONICS, _ORDER * _highest_excited(excitation, periods))
+    return max(HARMONICS, ORDER * highest_excited(excitation, periods))
 
 
-def _highest_excited(excitation: FloatArray, periods: int = 1) -> int:
+def highest_excited(excitation: FloatArray, periods: int = 1) -> int:
     """The highest line that the input's power reaches: of a periodic one, the highest harmonic."""
     power = np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2
     order = np.argsort(-power, kind="stable")
@@ -208,12 +208,14 @@ def highest_frequency(
     highest = min(records[i].frequencies[-1] for i in places)
     longest = max(records[i].count * records[i].step for i in places)
     grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
-    freedom = np.array([float(np.median(records[i].process.degrees_of_freedom)) for i in places])
+    # the slowest lines of a coloured noise are hardly known
+    known = [(records[i].frequencies, records[i].process.degrees_of_freedom) for i in places]
+    freedom = np.array([np.interp(grid, *one) for one in known])
     power = np.array([_power_at(records[i], rows[i], kept[i], grid) for i in places]).sum(axis=0)
     weight = np.array([_weight_at(records[i], kept[i], grid) for i in places])
     total = np.maximum(weight.sum(axis=0), _LEAST)
     squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
-    behind = total**2 / np.maximum(np.sum(weight**2 / freedom[:, None], axis=0), _LEAST**2 / freedom.max())
+    behind = total**2 / np.maximum(np.sum(weight**2 / freedom, axis=0), _LEAST**2 / freedom.max(axis=0))
     p = fisher.sf(power / (2 * total), 2 * total**2 / squares, behind)
     best = int(np.argmin(p))
     return Peak(float(grid[best]), float(power[best]), float(2 * total[best]), min(1.0, float(p[best] * len(grid))))

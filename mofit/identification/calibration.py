@@ -22,12 +22,16 @@ STARTS = 32
 
 @dataclass(frozen=True)
 class Calibration:
-    """One fitted stage: its problem, the minimum (unit coordinates) and the Hessian of -log posterior there."""
+    """One fitted stage: its problem, the minimum (unit coordinates) and the Hessian of -log of the normal posterior.
+
+    ``freedom``: degrees of freedom of the noise behind it.
+    """
 
     stage: Stage
     problem: Problem
     minimum: FloatArray
     hessian: FloatArray
+    freedom: float
 
     @property
     def values(self) -> dict[str, float]:
@@ -122,7 +126,8 @@ def _fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
             raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
     problem = problem.with_noise_at(minima[0].point)
     best = merge(refine(problem.evaluate, minima[0].point[None]))[0]
-    return Calibration(stage, problem, best.point, adjusted_posterior(problem, best.point).hessian)
+    adjusted = adjusted_posterior(problem, best.point)
+    return Calibration(stage, problem, best.point, adjusted.normal_hessian, adjusted.adjustment.freedom)
 
 
 def calibrated_values(calibrations: Sequence[Calibration]) -> dict[str, float]:

@@ -81,6 +81,15 @@ class AdjustedPosterior:
         """What it would be if the model had no gap, shape (d, d)."""
         return self._hessian(adjust(self.score, self.adjustment.centre, with_gap=False))
 
+    @property
+    def normal_hessian(self) -> FloatArray:
+        """Of the normal distribution whose intervals are as wide as this posterior's, shape (d, d).
+
+        The curvature at the minimum would be too large for it: a t distribution has a sharp peak and wide tails.
+        """
+        normal = adjust(self.score.for_a_normal(), self.adjustment.centre, with_gap=True)
+        return normal.precision + self.problem.prior_terms(self.adjustment.centre[None])[2][0]
+
     def _hessian(self, adjustment: Adjustment) -> FloatArray:
         shape = (adjustment.freedom + len(adjustment.centre)) / adjustment.freedom
         return shape * adjustment.precision + self.problem.prior_terms(adjustment.centre[None])[2][0]

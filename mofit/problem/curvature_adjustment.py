@@ -26,9 +26,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mofit._typing import FloatArray
 
+#: Quantile at the upper end of a 90 % interval.
+_UPPER_END = 0.95
 #: Curvature below this share of the largest is that of a flat direction.
 _FLAT = 1e-12
 
@@ -51,6 +54,15 @@ class Score:
     """Those behind the gap."""
     gap_squares: tuple[float, float] = (0.0, 0.0)
     """Mean squared amplitude of the gap on the fundamentals and on the harmonics, relative to the output's range."""
+
+    def for_a_normal(self) -> Score:
+        """The same with the noise so large that normal intervals (90 %) are as wide as those of the t distributions.
+
+        A noise whose power is known from few lines has a t distribution. Each objective counts by its own degrees of
+        freedom: where as many are fitted as parameters, none makes up for another.
+        """
+        wider = (stdtrit(self.freedom, _UPPER_END) / stdtrit(np.inf, _UPPER_END)) ** 2
+        return replace(self, noise=self.noise * wider[:, None, None])
 
     def embedded(self, index: FloatArray, jacobian: FloatArray, dimension: int) -> Score:
         """The same in a larger space: own coordinates at ``index``, d(own) / d(larger) = ``jacobian``."""
