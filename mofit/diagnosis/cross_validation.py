@@ -117,7 +117,7 @@ class _Reference:
         noise, squares = _noise_of_tests(observed, full, observed.explainable)
         beyond = 1 - noise / np.maximum(squares, np.finfo(float).tiny)
         rest = full * np.sqrt(beyond)[observed.test] if remainder else 0.0
-        root, random = np.linalg.cholesky(np.linalg.inv(best.hessian)), np.random.default_rng(seed)
+        root, random = best.covariance_root, np.random.default_rng(seed)
         moved = random.standard_normal((_DRAWS, len(root))) @ root.T
         significant = {one.name for one in found.baseline_residuals.tests if one.p_value < _P_VALUE}
         direct = observed.of("dc", "odd", "even", "excited", *(significant & {"rotating", "slow"}))

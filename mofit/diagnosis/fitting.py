@@ -87,17 +87,29 @@ class Fitted:
         jacobian = self.jacobian[:, self.free]
         return jacobian.T @ jacobian + np.eye(jacobian.shape[1])
 
+    @property
+    def covariance_root(self) -> FloatArray:
+        """Lower triangular L (f, f), L L' being the covariance of the free parameters."""
+        return covariance_root(self.design)
+
     def sd(self) -> FloatArray:
         """Standard deviation of every parameter in unit coordinates, (d,); 0 at a bound."""
         sd = np.zeros(len(self.free))
-        # not from the normal matrix: derivatives of all sizes meet here
-        sd[self.free] = np.linalg.norm(np.linalg.inv(np.linalg.qr(self.design, mode="r")), axis=1)
+        sd[self.free] = np.linalg.norm(self.covariance_root, axis=1)
         return sd
 
     def sd_along(self, direction: FloatArray) -> float:
         """Standard deviation of the sum of unit coordinates times a direction (d,)."""
-        inverse = np.linalg.inv(np.linalg.qr(self.design, mode="r"))
-        return float(np.linalg.norm(direction[self.free] @ inverse))
+        return float(np.linalg.norm(direction[self.free] @ self.covariance_root))
+
+
+def covariance_root(design: FloatArray) -> FloatArray:
+    """Lower triangular root (f, f) of the covariance from derivatives (rows, f): not from the normal matrix.
+
+    Its eigenvalues span more than double precision where derivatives of all sizes meet.
+    """
+    root = np.linalg.qr(np.linalg.inv(np.linalg.qr(design, mode="r")).T, mode="r").T
+    return np.asarray(root * np.sign(np.diag(root)))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.fitting import Fitted, covariance_root
 from mofit.diagnosis.mean_squares import products_of_tests
 from mofit.diagnosis.remainder import Evidence, Power, evidence
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -35,7 +35,7 @@ def evidence_of(
     moved = errors[:, 1] - best.residual[:rows] * here
     columns = np.column_stack([moved, errors[:, 0] - errors[:, 1], response])
     products = products_of_tests(observed, columns, tests)
-    whole, without = covariance_of(best), _covariance_without(best, tests, response)
+    whole, without = covariance_of(best), _covariance_without(best, tests)
     seen = np.column_stack([errors[:, 1], columns[:, 1:], best.residual[:rows] * here])
     power, gaps = power_of(observed, tests, seen, direct, without), products[:, 1, 1]
     return evidence(power, products[:, 2:, 2:], gaps, whole, without, float(products[:, 0, 0].sum()))
@@ -69,12 +69,13 @@ def power_of(
 
 def covariance_of(best: Fitted) -> FloatArray:
     """Covariance of the free parameters, (f, f)."""
-    return np.asarray(np.linalg.inv(best.hessian), dtype=np.float64)
+    return np.asarray(best.covariance_root @ best.covariance_root.T)
 
 
-def _covariance_without(best: Fitted, tests: Sequence[int], response: FloatArray) -> FloatArray:
+def _covariance_without(best: Fitted, tests: Sequence[int]) -> FloatArray:
     """Covariance of the free parameters from the other tests; what a test has of its own it tells itself."""
-    own = np.isin(best.hypothesis.layout.only_test[best.free], tests)
-    information = response.T @ response
-    information[np.ix_(own, own)] = 0.0
-    return np.asarray(np.linalg.inv(best.hessian - information))
+    own, test = np.isin(best.hypothesis.layout.only_test[best.free], tests), best.hypothesis.observed.test
+    design = best.design
+    design[: len(test)][np.ix_(np.isin(test, tests), ~own)] = 0.0
+    root = covariance_root(design)
+    return np.asarray(root @ root.T)

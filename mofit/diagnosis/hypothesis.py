@@ -149,7 +149,8 @@ class Hypothesis:
         slopes = self.layout.spread(white[..., 1:], self.observed.test) * slope[:, None, :]
         root, mean = self.prior_rows
         residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
-        residual[bad] = np.nan
+        # no step can be had from derivatives that diverged where the outputs did not
+        residual[bad | ~stable(slopes, axis=(1, 2))] = np.nan
         prior = np.broadcast_to(-root, (len(u), *root.shape))
         return Linear(residual, np.concatenate([-slopes, prior], axis=1))
 

@@ -20,10 +20,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
+from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
 from mofit.data.signals import noise_process
-from mofit.diagnosis.spectral_classes import rotational_orders
+from mofit.diagnosis.spectral_classes import ORDER, highest_excited, rotational_orders
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.diagnosis.whitening import Whitening
 from mofit.simulation.requirements import undriven
@@ -36,6 +38,8 @@ _LONGEST = 0.1
 _SLIPS = 6
 #: Rounds in which prediction and noise are estimated in turn.
 _ROUNDS = 3
+#: p-value from which on what the functions leave of a free decay is noise.
+_MISFIT = 1e-3
 #: Relative singular value below which a combination of functions is none.
 _RANK = 1e-6
 #: Most of a line's power that the regression is taken to have absorbed.
@@ -88,7 +92,12 @@ def _noise(
             _with_noise(w, residual - one @ coefficients[:, None], signal, share)
             for w, residual, one, signal, share in zip(records, residuals, columns, signals, taken, strict=True)
         ]
-    return records
+    if not _decaying(observed, own):
+        return records
+    rests = zip(records, _unpredicted(own, residuals, columns), signals, strict=True)
+    beyond = [_with_noise_beyond(w, rest, signal) for w, rest, signal in rests]
+    moving = [_moving(w, signal) for w, signal in zip(records, signals, strict=True)]
+    return beyond if _misfit(records, beyond, moving) else records
 
 
 def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: FloatArray | None = None) -> Whitening:
@@ -101,6 +110,57 @@ def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: Float
     time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
     process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share)
     return replace(w, process=process)
+
+
+def _unpredicted(
+    own: Sequence[tuple[int, Whitening]], residuals: Sequence[FloatArray], columns: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """What the functions (samples, q) of all records leave of their residuals (samples, 1), by least squares."""
+    used = [slice(w.start, w.start + w.count) for _, w in own]
+    rows, rest = (
+        np.concatenate([one[here] for one, here in zip(several, used, strict=True)]) for several in (columns, residuals)
+    )
+    coefficients, _ = _regressed(rows, rest[:, 0])
+    return [residual - one @ coefficients[:, None] for residual, one in zip(residuals, columns, strict=True)]
+
+
+def _with_noise_beyond(w: Whitening, rest: FloatArray, signal: FloatArray) -> Whitening:
+    """The whitening with the noise of a free decay, as it is on the lines beyond those of the motion and its harmonics.
+
+    The functions need not follow what the model misses there; what they leave is no noise: a decay by friction ends.
+    All is tapered, so that nothing of the motion leaks to the other lines from the record's ends.
+    """
+    used = slice(w.start, w.start + w.count)
+    taper = np.hanning(w.count)
+    tapered = rest[used, 0] * taper / np.sqrt(np.mean(taper**2))
+    time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
+    process = noise_process(tapered, np.zeros(w.count), time, None, without_lines=True, unknown=_moving(w, signal))
+    return replace(w, process=process)
+
+
+def _moving(w: Whitening, signal: FloatArray) -> NDArray[np.bool_]:
+    """Lines of a decay's motion (samples,) and of its low harmonics, half of all at most, (lines,)."""
+    number, used = np.arange(len(w.frequencies)), signal[w.start : w.start + w.count]
+    return np.asarray(number <= min(ORDER * highest_excited(used * np.hanning(w.count)), len(number) // 2))
+
+
+def _misfit(records: Sequence[Whitening], beyond: Sequence[Whitening], moving: Sequence[NDArray[np.bool_]]) -> bool:
+    """Whether what is left on the lines of the motion is more than the noise of the others lets expect in all records.
+
+    Coloured noise is stronger there, too, and those others hardly tell how much: that is in their degrees of freedom.
+    """
+    evidence = 0.0
+    for left, noise, lines in zip(records, beyond, moving, strict=True):
+        ratio = float(np.mean((left.process.spectrum / noise.process.spectrum)[lines]))
+        freedom = float(np.median(noise.process.degrees_of_freedom[lines]))
+        evidence -= 2 * float(fisher.logsf(ratio, 2 * int(lines.sum()), freedom))
+    return bool(chi2.sf(evidence, 2 * len(records)) < _MISFIT)
+
+
+def _decaying(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> bool:
+    """Whether all records are free decays."""
+    problem = observed.problem
+    return all(undriven(problem.model, problem.measurements[test].experiment) for test, _ in own)
 
 
 def _regressed(rows: FloatArray, white: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -130,7 +190,7 @@ def _functions(
     longest = _LONGEST * min(w.count * w.step for _, w in own)
     lags = np.concatenate([[0.0], np.geomspace(min(w.step for _, w in own), longest, _LAGS - 1)])
     scaled = [standard for group in groups if (standard := _standardised(group, own)) is not None]
-    decays = all(undriven(problem.model, each) for each in experiments)
+    decays = _decaying(observed, own)
     for place, (_, w) in enumerate(own):
         order = 2 * place / max(len(own) - 1, 1) - 1
         found = [_of_signal(signals[place], w, lags, order) for signals in scaled]

@@ -46,9 +46,9 @@ class SimulatorCache:
         return system, self._compiled[key].without_tables().with_steps(steps).with_experiments(experiments)
 
 
-def stable(values: FloatArray) -> bool:
-    """Whether no value comes from an unstable integration."""
-    return bool((np.abs(values) < _UNSTABLE).all())
+def stable(values: FloatArray, axis: tuple[int, ...] | None = None) -> NDArray[np.bool_]:
+    """Whether no value, of all or along some axes, comes from an unstable integration."""
+    return np.asarray((np.abs(values) < _UNSTABLE).all(axis=axis))
 
 
 def clipped(values: FloatArray) -> FloatArray:

@@ -146,7 +146,7 @@ class _Predicting:
             used = slice(w.start, w.start + w.count)
             errors.append(held.used_samples(i) - outputs[test][used, output])
             responses.append(-slopes[test][used, output])
-        root = np.linalg.cholesky(np.linalg.inv(fitted.hessian))
+        root = fitted.covariance_root
         moved = random.standard_normal((_DRAWS, len(root))) @ root.T
         return cls(outputs, slopes, errors, responses, np.vstack([np.zeros(len(root)), moved]))
 

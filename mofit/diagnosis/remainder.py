@@ -113,8 +113,8 @@ def evidence(
     """From products of the responses (tests, f, f), gaps per test (tests,) and covariances of two fits (f, f)."""
     gaps = np.maximum(gaps, _TINY)
     some, others = (np.einsum("ij,tji->t", one, responses) for one in (whole, without))
-    root = np.linalg.cholesky(whole)
-    parts = np.maximum(np.linalg.eigvalsh(root.T @ responses.sum(axis=0) @ root), 0.0)
+    # the eigenvalues of a product of two covariances are those of a symmetric matrix
+    parts = np.maximum(np.linalg.eigvals(whole @ responses.sum(axis=0)).real, 0.0)
     shares = [np.maximum(one / gaps, _LEAST) for one in (some, others)]
     relative = parts / max(parts.sum(), _TINY)
     return Evidence(power, shares[0], shares[1], relative, moved, float((others - some).sum()))

@@ -57,7 +57,7 @@ def _draws(proposal: Proposal, names: list[str], seed: int) -> FloatArray:
     fitted, random = proposal.fitted, np.random.default_rng(seed)
     space, free = fitted.hypothesis.space, fitted.free
     points = np.repeat(fitted.minimum.point[None], _DRAWS + 1, axis=0)
-    root = np.linalg.cholesky(np.linalg.inv(fitted.hessian))
+    root = fitted.covariance_root
     points[1:, free] += random.standard_normal((_DRAWS, len(root))) @ root.T
     values = space.from_unit(np.clip(points, 0.0, 1.0))
     return np.asarray(values[:, [space.index(name) for name in names]])

@@ -1,5 +1,7 @@
 """The adjusted likelihood: on linear problems its width is known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -29,6 +31,15 @@ def design_of(columns=4, count=200):
 
 def autoregressive(count, coefficient):
     return coefficient ** np.abs(np.arange(count)[:, None] - np.arange(count))
+
+
+@pytest.mark.parametrize(("freedom", "quantile"), [(2.0, 2.919986), (5.0, 2.015048), (1e9, 1.644854)])
+def test_the_normal_of_a_noise_known_from_few_lines_is_as_wide_as_its_t_distribution(freedom, quantile):
+    design = design_of()
+    known = score_of(design, np.eye(200), np.zeros(200))
+    normal = replace(known, freedom=np.array([freedom])).for_a_normal()
+    wide, narrow = (adjust(one, np.full(4, 0.5), with_gap=False).precision for one in (normal, known))
+    np.testing.assert_allclose(wide, narrow * (1.644854 / quantile) ** 2, rtol=1e-5)
 
 
 def test_width_is_that_of_the_estimate(rng):

@@ -85,6 +85,7 @@ def noise_process(
     *,
     without_lines: bool = False,
     taken: FloatArray | float = 0.0,
+    unknown: NDArray[np.bool_] | None = None,
 ) -> NoiseProcess:
     r"""Estimate the process from one record.
 
@@ -103,6 +104,8 @@ def noise_process(
         Whether other lines than the period's (mains hum, wheel runout) are left out of the spectrum.
     taken
         Share of the noise's power that a fit has absorbed, on the bins (n // 2 + 1,) or on all.
+    unknown
+        Bins that may hold more than noise, (n // 2 + 1,): the spectrum there follows from the others.
     """
     count = len(residual)
     step = float((time[-1] - time[0]) / (count - 1))
@@ -115,7 +118,7 @@ def noise_process(
         harmonics = harmonics[harmonics < count // 2]
     level = _level(noise, signal)
     power = np.abs(np.fft.rfft(noise / level)) ** 2 / count / (1 - taken)
-    known = np.ones(len(power), dtype=bool)
+    known = np.ones(len(power), dtype=bool) if unknown is None else ~unknown
     known[0] = False
     if len(harmonics):
         every = _bins(periods, int(len(power) / periods))
