@@ -108,7 +108,7 @@ def covariance_root(design: FloatArray) -> FloatArray:
 
     Its eigenvalues span more than double precision where derivatives of all sizes meet.
     """
-    root = np.linalg.qr(np.linalg.inv(np.linalg.qr(design, mode="r")).T, mode="r").T
+    root = np.transpose(np.linalg.qr(np.linalg.inv(np.linalg.qr(design, mode="r")).T, mode="r"))
     return np.asarray(root * np.sign(np.diag(root)))
 
 

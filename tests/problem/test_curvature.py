@@ -39,7 +39,7 @@ def test_the_normal_of_a_noise_known_from_few_lines_is_as_wide_as_its_t_distribu
     known = score_of(design, np.eye(200), np.zeros(200))
     normal = replace(known, freedom=np.array([freedom])).for_a_normal()
     wide, narrow = (adjust(one, np.full(4, 0.5), with_gap=False).precision for one in (normal, known))
-    np.testing.assert_allclose(wide, narrow * (1.644854 / quantile) ** 2, rtol=1e-5)
+    np.testing.assert_allclose(wide, narrow * (1.644854 / quantile) ** 2, rtol=1e-5, atol=1e-9)
 
 
 def test_width_is_that_of_the_estimate(rng):
