@@ -29,7 +29,7 @@ _Z90 = 1.645
 _WORSE = 2.0
 #: Of a single test.
 _PARTS = "parts left out in turn"
-#: Least number of folds with a gap that a term must halve, if there are so many: one may be predicted by chance.
+#: Least number of folds with a gap that a term must halve: one may be predicted by chance. Of fewer it must shrink all.
 _FEWEST_FOLDS = 3
 
 
@@ -145,9 +145,11 @@ def propose(
         share = f"{100 * max(removed, 0.0):.0f} %"
         return f"the best one ({_law(best.effect)}) would remove {share} of it in data that were left out"
     shown = nothing > 2 * noise
-    halved, what = int(np.sum(best.errors[shown] < 0.5 * nothing[shown])), "tests" if tests > 1 else "parts"
-    if halved < min(_FEWEST_FOLDS, len(nothing)):
-        return f"the best one ({_law(best.effect)}) halves it in {halved} of {len(nothing)} {what}: it may be chance"
+    many, folds = len(nothing) >= _FEWEST_FOLDS, "tests" if tests > 1 else "parts"
+    fewer = int(np.sum(best.errors[shown] < (0.5 if many else 1.0) * nothing[shown]))
+    if fewer < min(_FEWEST_FOLDS, len(nothing)):
+        what = f"{'halves' if many else 'shrinks'} it in {fewer} of {len(nothing)} {folds}"
+        return f"the best one ({_law(best.effect)}) {what}: it may be chance"
     return _validated(starts, best, rules, seed)
 
 
@@ -177,7 +179,7 @@ def _validated(starts: Sequence[Fitted], best: Trial, rules: DiagnosisSettings, 
         return f"without {' or '.join(one.name for one in shrinkage.ran_away)} the fit of the best term runs away"
     reached = shrinkage.headline
     for one in (alike, reached):
-        if one.low <= 0 or alike.share < rules.partly:
+        if one.low <= 0:
             return _too_little(one.share, one.low, one.high, one.place)
     further = cross_validate(_final(start, best.fitted), (), seed) if beside else shrinkage
     if worse := {name: None for one in (shrinkage, further) for name in _worse(observed, one)}:

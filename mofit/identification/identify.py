@@ -32,6 +32,7 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
+from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
 ESTIMATES_FILE = "estimates.json"
@@ -110,10 +111,10 @@ def identify(
             with timer.measure("refine"):
                 minima = adjusted_modes(located.posterior, located.minima, settings)
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
-            give_back()
+            _make_room()
             with timer.measure("sample"):
                 modes = sample_modes(minima, settings, folder.partial / "chains.h5", progress, until)
-            give_back()
+            _make_room()
             progress("compare", 0, 1, "each test alone and the baseline")
             groups, seconds = fitted()
             names = located.problem.space.names
@@ -127,7 +128,7 @@ def identify(
                 references=groups,
                 seconds={**timer.seconds, **seconds, "total": timer.total},
             )
-            give_back()
+            _make_room()
             progress("write", 0, 1, "result and report")
             tree = with_predictions(assemble(result), model, whole, as_names(hold_out), chosen, settings.jobs)
             with drawn(tree, folder.partial):
@@ -141,6 +142,12 @@ def identify(
 
 def _write_unrefined(file: Path, problem: Problem, points: FloatArray) -> None:
     write_text(file, json.dumps(unrefined(problem, points), indent=1))
+
+
+def _make_room() -> None:
+    """Free what the next stage does not use: the tables of other problems."""
+    drop_tables()
+    give_back()
 
 
 def _end_of_sampling(limit: float | None) -> float:
