@@ -13,7 +13,7 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
 from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Symbols, build_system, with_effects
-from mofit.models.effect import possible_targets, rate_of
+from mofit.models.effect import base_and_effects, possible_targets, rate_of
 from mofit.parameters import Parameter
 from mofit.simulation import ExperimentData
 
@@ -120,7 +120,7 @@ class InnerSignals:
 
     def variables(self) -> list[Variable]:
         """Moving states and inputs, each signal once."""
-        model = self.fitted.hypothesis.observed.problem.model
+        model, _ = base_and_effects(self.fitted.hypothesis.observed.problem.model)
         channels = [one for one in (*model.inputs, *model.states) if one.name != _TIME]
         found: list[tuple[Channel, FloatArray]] = []
         for channel in channels:
@@ -152,8 +152,7 @@ class InnerSignals:
 
     def targets(self) -> list[Target]:
         """Quantities on which added terms do different things: outputs first, then the last that is announced."""
-        observed = self.fitted.hypothesis.observed
-        model = observed.problem.model
+        model, _ = base_and_effects(self.fitted.hypothesis.observed.problem.model)
         outputs = [channel.name for channel in model.outputs]
         inputs = [channel.name for channel in model.inputs if channel.name != _TIME]
         rates = [rate_of(state.name) for state in model.states]
@@ -232,11 +231,11 @@ def same(a: FloatArray, b: FloatArray) -> bool:
 def inner_signals(fitted: Fitted) -> InnerSignals:
     """Simulate all that the fitted model computes in the tests."""
     hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
-    effects = hypothesis.effects
-    states = [state.name for effect in effects for state in effect.states]
-    inner = InnerModel(observed.problem.model, states)
-    first = len(observed.problem.model.outputs)
-    given = experiments_of(observed, effects)
+    base, present = base_and_effects(observed.problem.model)
+    effects = (*present, *hypothesis.effects)
+    inner = InnerModel(base, [state.name for effect in effects for state in effect.states])
+    first = len(base.outputs)
+    given = experiments_of(observed, hypothesis.effects)
     shapes = [(one.samples, len(inner.outputs)) for one in given]
     experiments = [
         replace(one.changed(measured=np.zeros(shape), weights=np.ones(shape)), lead=0)

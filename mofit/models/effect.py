@@ -199,9 +199,15 @@ def with_effects(model: Model, *effects: Effect) -> Model:
     """
     if not effects:
         return model
-    if isinstance(model, ExtendedModel):
-        return with_effects(model.base, *(effect for effect, _ in model.effects), *effects)
-    return ExtendedModel(model, [(effect, target_of(effect, model)) for effect in effects])
+    base, present = base_and_effects(model)
+    return ExtendedModel(base, [(effect, target_of(effect, base)) for effect in (*present, *effects)])
+
+
+def base_and_effects(model: Model) -> tuple[Model, tuple[Effect, ...]]:
+    """The model that no effect extends, and the effects that extend it."""
+    return (
+        (model.base, tuple(effect for effect, _ in model.effects)) if isinstance(model, ExtendedModel) else (model, ())
+    )
 
 
 def target_of(effect: Effect, model: Model) -> str:
@@ -231,7 +237,7 @@ def target_of(effect: Effect, model: Model) -> str:
 def incompatibility(effect: Effect, model: Model) -> str | None:
     """Why the model does not admit the effect; None if it does."""
     try:
-        target_of(effect, model.base if isinstance(model, ExtendedModel) else model)
+        target_of(effect, base_and_effects(model)[0])
     except InputError as error:
         return error.issues[0].message
     return None

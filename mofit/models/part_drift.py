@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
-from mofit.models.effect import ExtendedModel, Scaling
+from mofit.models.effect import Scaling, base_and_effects
 from mofit.models.model import TIME, Applied, Apply, Condition, Equations, Model, Symbols
 from mofit.parameters import Parameter, powers
 
@@ -68,7 +68,7 @@ def drifts_of(model: Model) -> tuple[str, ...]:
 
     That is of parameters that keep their sign; a relative change of another means nothing where it is zero.
     """
-    base = model.base if isinstance(model, ExtendedModel) else model
+    base, _ = base_and_effects(model)
     symbols, _ = _evaluated(base)
     parts = [name for name in _PARTS if name in symbols.quantities and _moves(base, name)]
     forces = ca.vertcat(*(symbols.quantities[name] for name in parts))

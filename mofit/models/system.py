@@ -10,7 +10,7 @@ from typing import Any
 import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
-from mofit.models.effect import Effect, ExtendedModel, rate_of
+from mofit.models.effect import Effect, ExtendedModel, base_and_effects, rate_of
 from mofit.models.lookup_tables import written_out
 from mofit.models.model import Applied, Apply, Equations, Model, Symbols
 from mofit.models.users_code import users_code
@@ -111,7 +111,7 @@ def _function(where: str, name: str, inputs: dict[str, ca.SX], result: str, expr
 
 def _evaluated(where: str, model: Model, symbols: Symbols) -> Equations:
     """The model's equations, if they are usable."""
-    base = model.base if isinstance(model, ExtendedModel) else model
+    base, _ = base_and_effects(model)
     with users_code(where, "equations()", "Correct the model's equations", _file(base.equations)):
         equations = model.equations(symbols)
     if not isinstance(equations, Equations):

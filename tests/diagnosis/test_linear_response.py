@@ -15,7 +15,7 @@ from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_
 from mofit.diagnosis.term_rows import term_columns
 from mofit.diagnosis.terms import block, memory_terms, static_terms
 from mofit.identification.settings import Settings
-from mofit.models import Channel, Equations, Model, Symbols, build_system, find_model
+from mofit.models import Channel, Equations, Model, Symbols, build_system, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
 
 STEP, TIME = 0.1, 0.1 * np.arange(40)
@@ -61,6 +61,15 @@ def test_a_stiff_rate_dies_at_once() -> None:
     np.testing.assert_allclose(whole.ravel(), 0.0, atol=1e-6)
     np.testing.assert_allclose(first.ravel(), 1e-8, rtol=1e-6)
     np.testing.assert_allclose(second.ravel(), 1e-8, rtol=1e-6)
+
+
+def test_a_model_that_an_effect_extends_already_has_the_signals_of_its_base() -> None:
+    campaign = strangers.oscillator(strangers.OSCILLATORS["van der Pol"])
+    extended = with_effects(find_model("oscillator"), find_effect("delay"))
+    signals = inner_signals(baseline_in_wide_ranges(extended, campaign, Settings(jobs=1))[0])
+    own = inner_signals(baseline_in_wide_ranges(find_model("oscillator"), campaign, Settings(jobs=1))[0])
+    assert [one.name for one in signals.variables()] == [one.name for one in own.variables()]
+    assert [one.name for one in signals.targets()] == [one.name for one in own.targets()]
 
 
 def test_rows_of_terms_are_those_of_the_integrated_effects() -> None:
