@@ -205,9 +205,9 @@ def with_effects(model: Model, *effects: Effect) -> Model:
 
 def base_and_effects(model: Model) -> tuple[Model, tuple[Effect, ...]]:
     """The model that no effect extends, and the effects that extend it."""
-    return (
-        (model.base, tuple(effect for effect, _ in model.effects)) if isinstance(model, ExtendedModel) else (model, ())
-    )
+    if not isinstance(model, ExtendedModel):
+        return model, ()
+    return model.base, tuple(effect for effect, _ in model.effects)
 
 
 def target_of(effect: Effect, model: Model) -> str:
