@@ -159,3 +159,13 @@ def test_a_sine_that_ramps_in_and_out_is_used_for_what_it_holds(steady, repeats)
     assert record.frequency == pytest.approx(1.0, rel=1e-3)
     assert (record.period is not None) == repeats
     assert record.transient == (pytest.approx(2.5, abs=0.5) if repeats else 0)
+
+
+def test_a_record_of_one_and_a_half_periods_that_is_all_transient():
+    time = np.arange(0, 1.5, 0.005)
+    stroke = np.sin(2 * np.pi * time)
+    force = 3 * stroke + 0.06 * np.random.default_rng(4).standard_normal(len(time))
+    experiment = Experiment(name="a", kind="sine", time=time, inputs={"displacement": stroke}, transient=2.0)
+    record = analyse(Measurement(experiment=experiment, outputs={"force": force}, units={}))
+    assert record.period == pytest.approx(1.0, rel=1e-3)
+    assert record.noise_sd["force"] == pytest.approx(0.06, rel=0.3)

@@ -142,7 +142,8 @@ def _repeats(time: FloatArray, values: FloatArray, kept: NDArray[np.bool_], peri
         return True
     limits = STEADY_STATE
     least = limits.negligible * float(np.ptp(values))
-    return deviation <= max(least, limits.deviation * residual_noise(values[kept])[0])
+    used = values[kept] if periods >= 2 else values  # as the deviation is
+    return deviation <= max(least, limits.deviation * residual_noise(used)[0])
 
 
 def steady_samples(time: FloatArray, transient: float, tail: float = 0.0) -> NDArray[np.bool_]:
