@@ -8,12 +8,14 @@ import pickle
 import resource
 import signal
 import sys
+import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
+from tempfile import TemporaryDirectory
 from typing import Any, NoReturn, TypeAlias
 
 from mofit.runtime.sending import received
@@ -57,7 +59,7 @@ class _Child:
 
 
 def serve(handle: int, preload: Sequence[str]) -> None:
-    """Pass calls from the connection on to a child until the other side has ended or asks for the end.
+    """Pass calls from the connection on to a child until the other side has ended (`EOFError`) or asks for the end.
 
     A request is ``(forgotten keys, new contents by key, calls, timeout)`` with calls ``(keys, pickled call)``. There is
     an answer to each call, in their order: pickled ``(kind, value)``, "returned" a value, "raised" a text, or "lost"
@@ -67,7 +69,13 @@ def serve(handle: int, preload: Sequence[str]) -> None:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     for name in preload:
         import_module(name)
-    parent: Connection[Any, Any] = Connection(handle)
+    with suppress(EOFError, OSError), TemporaryDirectory(prefix="mofit-") as folder:
+        # what children unpack on disk is there for those that replace them, and goes with this process
+        os.environ["TMPDIR"] = tempfile.tempdir = folder
+        _serve(Connection(handle))
+
+
+def _serve(parent: Connection[Any, Any]) -> None:
     contents: dict[str, bytes] = {}
     child: _Child | None = None
     try:
@@ -82,8 +90,6 @@ def serve(handle: int, preload: Sequence[str]) -> None:
                 except _LostError as lost:
                     child, calls = None, calls[1:]
                     parent.send_bytes(pickle.dumps(("lost", str(lost))))
-    except (EOFError, OSError):
-        pass  # the parent has ended
     finally:
         if child is not None:
             child.end()

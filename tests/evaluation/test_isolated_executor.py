@@ -182,14 +182,14 @@ def test_settings_that_cannot_be_used(jobs, timeout):
 
 
 SCRIPT = """
-import os, time
+import os, tempfile, time
 import numpy as np
 from mofit.models.black_box import Record
 from mofit.simulation.evaluation import IsolatedExecutor, Task
 
 def hang(record, parameters):
     with open(os.environ["PROCESSES"], "a") as file:
-        file.write(f"{os.getpid()} {os.getppid()}\\n")
+        file.write(f"{os.getpid()} {os.getppid()} {tempfile.mkdtemp()}\\n")
     time.sleep(3600)
 
 record = Record("one", np.zeros(3), {}, {})
@@ -200,11 +200,14 @@ IsolatedExecutor(2).run([Task(hang, record, {}, ("y",))] * 2)
 def test_none_outlives_a_parent_that_is_killed(tmp_path):
     file = tmp_path / "processes"
     parent = subprocess.Popen([sys.executable, "-c", SCRIPT], env={**os.environ, "PROCESSES": str(file)})
-    processes = wait_for(lambda: file.read_text().split() if file.exists() else [], lambda found: len(found) == 4)
+    processes = wait_for(lambda: file.read_text().split() if file.exists() else [], lambda found: len(found) == 6)
+    folders = [Path(processes.pop(k)) for k in (5, 2)]
     assert all(alive(process) for process in processes)
+    assert all(folder.is_dir() for folder in folders)
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     assert not wait_for(lambda: [process for process in processes if alive(process)], lambda left: not left)
+    assert not any(folder.exists() for folder in folders)
 
 
 def wait_for(look, enough):
