@@ -17,11 +17,12 @@ from mofit.identification.estimates import estimates, unrefined
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
 from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult, Located, PosteriorMode
 from mofit.identification.result_tree import assemble
 from mofit.identification.settings import Settings
-from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Model, build_system
 from mofit.problem import Problem
 from mofit.report import report_beside
@@ -32,6 +33,7 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
+from mofit.simulation.black_box.evaluations import simulator_of, with_evaluations
 from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
@@ -86,7 +88,9 @@ def identify(
     WriteError
         If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
-    campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
+    campaign, model = as_campaign(campaign), as_model(model)
+    settings = (settings or Settings()).for_model(model)
+    model = with_evaluations(model, settings.simulations)
     return_at_once()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
@@ -107,7 +111,8 @@ def identify(
         found = partial(_write_unrefined, known)
         located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress, searched=found)
         references = partial(fit_references, located, model, campaign, settings)
-        with beside(references, settings.jobs > 1) as fitted:
+        # a forked process would count its simulations for itself
+        with beside(references, settings.jobs > 1 and simulator_of(model) is None) as fitted:
             with timer.measure("refine"):
                 minima = adjusted_modes(located.posterior, located.minima, settings)
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))

@@ -99,7 +99,7 @@ class Identified:
         scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
         sets = self._sets(scoped, count)
-        if analysis.steady_from_start and model.states and measurement.experiment.transient is None:
+        if analysis.steady_from_start and model.dynamic and measurement.experiment.transient is None:
             experiment = self._led(experiment, measurement, analysis, sets)
         fitted = [one.parameter for one in scoped if one.source == "fitted"]
         if fitted:
