@@ -99,7 +99,7 @@ def emulated(
         late = chains.chain[:, chains.chain.shape[1] // 2 :].reshape(-1, len(point))
         fresh = late[np.random.default_rng((seed, 8, rounds)).integers(len(late), size=checks)]
         error, rounds = training.error(adjusted, quick, fresh), rounds + 1
-        progress(training.simulations, 0, f"error {error:.2g} nats at {checks} fresh draws")
+        progress(training.simulations, 0, f"emulator: error {error:.2g} nats (log posterior) at {checks} fresh draws")
         if error <= WANTED:
             quick = training.posterior(adjusted)
             break

@@ -12,6 +12,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.errors import InputError
+from mofit.identification.allowance import check_allowed
 from mofit.identification.descents import few_starts, settings_for
 from mofit.identification.mode_sampling import log_evidence_of, sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
@@ -115,6 +116,7 @@ def search(
         If there is no search or no test of a name in the settings, or if every start fails.
     """
     weights = search_weights(problem, settings.weights)
+    check_allowed(problem)
     name = str(settings.for_model(problem.model).search)
     run, rng = find_search(name), np.random.default_rng(settings.seed)
     with explained(problem):

@@ -67,6 +67,8 @@ class Evaluations:
         self._bytes = 0
         self.count = 0
         """Simulations so far."""
+        self.reserved = 0
+        """Simulations that are kept for later."""
         self.failed = 0
         """Those of them that failed."""
         self.refused = 0
@@ -77,7 +79,7 @@ class Evaluations:
     @property
     def left(self) -> float:
         """Simulations that are still allowed."""
-        return max(self.limit - self.count, 0)
+        return max(self.limit - self.reserved - self.count, 0)
 
     @property
     def offers_slopes(self) -> bool:
