@@ -55,7 +55,13 @@ Bounds = Annotated[
 Fixed = Annotated[tuple[str, ...], Parameter(help="Fix a parameter, NAME=VALUE in SI units; repeatable.")]
 Joint = Annotated[bool, Parameter(help="Estimate calibration and dynamic parameters at once.")]
 Force = Annotated[bool, Parameter(help="Replace an output of an earlier call; never another file.")]
-Search = Annotated[str, Parameter(help=search_help())]
+Search = Annotated[
+    str | None, Parameter(help=f"{search_help()} By default effa, and surrogate for a simulator of your own.")
+]
+Simulations = Annotated[
+    int | None,
+    Parameter(help="Most simulations of a simulator of your own, one record each. By default 2000."),
+]
 Evaluations = Annotated[
     int | None, Parameter(help="Budget of the global search in evaluations. By default the search's own.")
 ]

@@ -18,6 +18,7 @@ from mofit.cli.app import (
     ModelName,
     Search,
     Seed,
+    Simulations,
     Tests,
     TimeLimit,
     app,
@@ -31,7 +32,6 @@ from mofit.cli.app import (
 from mofit.cli.time_limit import LATE
 from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import InputError
-from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.parameters import PER_TEST
 
 
@@ -46,8 +46,9 @@ def identify(
     hold_out: tuple[str, ...] = (),
     model: ModelName = None,
     effect: Effects = (),
-    search: Search = DEFAULT_SEARCH,
+    search: Search = None,
     evaluations: Evaluations = None,
+    simulations: Simulations = None,
     weights: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
@@ -101,6 +102,7 @@ def identify(
     settings = Settings(
         search=search,
         evaluations=evaluations,
+        simulations=simulations,
         weights=by_name("--weights", weights),
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
@@ -193,7 +195,7 @@ def batch(
     what: str = "identify",
     model: ModelName = None,
     effect: tuple[str, ...] = (),
-    search: Search = DEFAULT_SEARCH,
+    search: Search = None,
     bounds: Bounds = (),
     fix: Fixed = (),
     joint: Joint = False,

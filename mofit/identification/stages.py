@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +12,9 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.errors import InputError
+from mofit.identification.allowance import check_allowed
+from mofit.identification.descents import few_starts, settings_for
+from mofit.identification.mode_sampling import log_evidence_of, sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_budget import search_budget
@@ -27,22 +27,12 @@ from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
-from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
+from mofit.optimize import STAGES, Minimum, SearchResult, merge, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
-from mofit.sampling import (
-    Chains,
-    Evidence,
-    StudentTMixture,
-    bridge_log_evidence,
-    laplace_covariance,
-    laplace_log_evidence,
-    mode_region,
-    mode_weights,
-    restricted,
-    sample_mode,
-)
+from mofit.sampling import StudentTMixture, laplace_covariance, mode_weights
+from mofit.simulation.black_box.evaluations import with_evaluations
 
 P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.
@@ -51,8 +41,6 @@ Searched = Callable[[Problem, FloatArray], None]
 #: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
 #: freeing these can raise a probability, but not a thousandfold.
 LEAST_PROBABILITY = 1e-6
-#: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
-FEWEST_DRAWS = 32
 #: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
 NEIGHBOURHOOD = 0.01
 #: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
@@ -100,9 +88,10 @@ def _located(
     with timer.measure("search"):
         found, weights = search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
-        tell(searched, starts_of(found)[0])
+        starts = few_starts(searched, *starts_of(found))
+        tell(searched, starts[0])
         progress("refine", 0, 1, "")
-        searched, rough = refined(searched, *starts_of(found))
+        searched, rough = refined(searched, *starts)
         posterior, minima = _with_calibrated_free(posterior, searched, rough)
     return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
 
@@ -111,7 +100,8 @@ def find_modes(
     campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str] = ()
 ) -> tuple[PosteriorMode, ...]:
     """All stages, nothing written: the modes that `identify` reports, for studies."""
-    located = locate_minima(campaign, model, settings, tests)
+    settings = settings.for_model(model)
+    located = locate_minima(campaign, with_evaluations(model, settings.simulations), settings, tests)
     return sample_modes(adjusted_modes(located.posterior, located.minima, settings), settings)
 
 
@@ -126,9 +116,11 @@ def search(
         If there is no search or no test of a name in the settings, or if every start fails.
     """
     weights = search_weights(problem, settings.weights)
-    run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
+    check_allowed(problem)
+    name = str(settings.for_model(problem.model).search)
+    run, rng = find_search(name), np.random.default_rng(settings.seed)
     with explained(problem):
-        budget = search_settings(settings.search, search_budget(problem, settings))
+        budget = search_settings(name, search_budget(problem, settings))
         found = run(problem.objectives, problem.gradients, len(problem.space), rng, budget, weights, progress)
     return found, weights
 
@@ -136,7 +128,7 @@ def search(
 def fit(setup: ProblemSetup) -> LocalFit:
     """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
     found, _ = search(setup.searched, setup.settings)
-    return LocalFit(*refined(setup.searched, *starts_of(found)))
+    return LocalFit(*refined(setup.searched, *few_starts(setup.searched, *starts_of(found))))
 
 
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
@@ -156,11 +148,12 @@ def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tup
     Of the starts that end in one minimum, the one from the earliest stage of the search found it.
     """
     with explained(problem.main):
-        first = _with_stage(merge(refine(problem.evaluate, starts)), found_by or [""] * len(starts))
+        settings = settings_for(problem.main)
+        first = _with_stage(merge(refine(problem.evaluate, starts, settings)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
     counted = with_settled_noise(problem, first[0].point)
-    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]))
+    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]), settings)
     merged = merge(again, values=lambda u: -counted.log_posterior(u))
     return counted, _with_stage(merged, [minimum.found_by for minimum in first])
 
@@ -191,101 +184,30 @@ def adjusted_modes(
 
     Where noise and gap weaken the likelihood, the priors of the stages move a minimum.
     """
-    located, valleys = [], list[StudentTMixture]()
-    plausible = without_joined(posterior, _plausible(minima, settings.least_probability))
+    located, valleys, descent = [], list[StudentTMixture](), settings_for(posterior.main, merge=None)
+    plausible = _plausible(minima, settings.least_probability)
+    quick = posterior.main.evaluations is None  # to follow a valley takes thousands of simulations
+    plausible = without_joined(posterior, plausible) if quick else plausible
     for minimum in plausible[: settings.most_modes]:
         if any(valley.distance(minimum.point[None])[0] < IN_VALLEY for valley in valleys):
             continue
         local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
         adjusted = adjusted_posterior(local, minimum.point)
-        if along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
+        if quick and along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
             adjusted = adjusted.unmapped()
             valley = along_valley(adjusted.evaluate, minimum.point, adjusted.hessian)
             valleys += [] if valley is None else [valley]
-        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None)))
+        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], descent))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
-    return tuple(sorted(located, key=lambda pair: -_log_evidence(pair[0])))
-
-
-def sample_modes(
-    located: Sequence[tuple[Minimum, AdjustedPosterior]],
-    settings: Settings,
-    path: Path | None = None,
-    progress: Progress = silent,
-    until: float = math.inf,
-) -> tuple[PosteriorMode, ...]:
-    """Sample around every plausible minimum.
-
-    Parameters
-    ----------
-    located
-        From `adjusted_modes`.
-    settings
-        Settings of the identification.
-    path
-        File for the chains, from which an interrupted run is resumed; nothing is written without one.
-    progress
-        Called now and then.
-    until
-        Time of `time.monotonic` at which sampling ends with what there is.
-
-    Returns
-    -------
-    tuple of PosteriorMode
-        Best first, with their posterior probabilities.
-    """
-    values, centres = [minimum.value for minimum, _ in located], np.stack([minimum.point for minimum, _ in located])
-    covariances = np.stack([laplace_covariance(minimum.hessian) for minimum, _ in located])
-    sampled = []
-    for index, (minimum, adjusted) in enumerate(located):
-        name, covariance = f"m{index + 1}", covariances[index]
-        sd = np.sqrt(np.diag(covariance))
-        noise_hessian, adjusted = adjusted.noise_hessian, adjusted.local(minimum.point, sd)
-        belongs = mode_region(index, values, centres, covariances)
-        own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
-        profiles = profile(adjusted, minimum.point, sd)
-        valley = along_valley(adjusted.evaluate, minimum.point, minimum.hessian)
-        if valley is not None and len(located) > 1:  # it may lead on into another mode
-            valley = valley.selected(belongs(valley.means))
-        along = None if valley is None else valley.means
-        chains, evidence = _unsampled(minimum)
-        left = until - time.monotonic()
-        if settings.sample and left > 0:
-            drawn = sample_mode(
-                own,
-                minimum.point,
-                covariance,
-                (settings.seed, index + 1),
-                settings.sampling,
-                valley=valley,
-                backend_path=path,
-                mode=name,
-                progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
-                until=time.monotonic() + left / (len(located) - index),
-            )
-            if drawn.thinned().points.shape[1] >= FEWEST_DRAWS:
-                chains, evidence = drawn, bridge_log_evidence(own, drawn.thinned(), settings.seed)
-        sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles, along))
-    probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
-    return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
-
-
-def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:
-    """What stands in the place of chains: none, and the evidence by the Laplace approximation."""
-    reason = "not sampled: standard deviations are those of the Laplace approximation"
-    return Chains.none(len(minimum.point), reason), Evidence(_log_evidence(minimum), np.nan)
+    return tuple(sorted(located, key=lambda pair: -log_evidence_of(pair[0])))
 
 
 def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Minimum]:
     """Minima by posterior probability (Laplace approximation), the most probable first, down to the least."""
     with np.errstate(all="ignore"):  # where an integration nearly diverges, derivatives are beyond all bounds
-        evidence = np.array([_log_evidence(minimum) for minimum in minima])
+        evidence = np.array([log_evidence_of(minimum) for minimum in minima])
     known = np.isfinite(evidence)
     values = np.array([minimum.value for minimum in minima])
     evidence = np.where(known, evidence, -np.inf) if known.any() else -values
     weights = mode_weights(evidence)
     return [minima[i] for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_probability]
-
-
-def _log_evidence(minimum: Minimum) -> float:
-    return laplace_log_evidence(minimum.value, minimum.hessian, minimum.point, minimum.gradient)

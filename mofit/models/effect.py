@@ -184,6 +184,11 @@ class ExtendedModel(Model):
         self.excitations, self.baseline, self.stages = base.excitations, base.baseline, base.stages
         self.branches, self.typical = base.branches, base.typical
 
+    @property
+    def dynamic(self) -> bool:
+        """Whether outputs depend on the past of the inputs."""
+        return bool(self.states) or self.base.dynamic
+
     def equations(self, s: Symbols) -> Equations:
         """The base model's equations; the effects act through the symbols."""
         return self.base.equations(s)

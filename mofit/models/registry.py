@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TypeVar
 
 from mofit.errors import InputError, did_you_mean, raise_errors
+from mofit.models.black_box import Simulator
 from mofit.models.effect import Effect
 from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
@@ -36,7 +37,7 @@ def effect_names() -> tuple[str, ...]:
 
 
 def find_model(reference: str) -> Model:
-    """The shipped model of that name, or the user's own from ``path/to/file.py:Name``.
+    """The shipped model of that name, or the user's own from ``path/to/file.py:Name``: a class or a `Simulator`.
 
     Raises
     ------
@@ -115,21 +116,27 @@ def _find(reference: str, kind: type[T]) -> T:
         return shipped[reference]()
     if reference.partition(":")[0].endswith(".py"):
         own = _own(reference, kind)
+        if not inspect.isclass(own):
+            return own
         with users_code(reference, f"making {own.__name__}", "Correct the file", inspect.getfile(own)):
             return own()
     hint = f"{did_you_mean(reference, shipped)} Name one of your own as path/to/file.py:Name"
     raise InputError.of(f"{what} '{reference}'", "unknown name", hint)
 
 
-def _own(reference: str, kind: type[T]) -> type[T]:
-    """The class ``Name`` of a kind in a user's file; ``:Name`` may be left out if the file defines just one."""
+def _own(reference: str, kind: type[T]) -> type[T] | T:
+    """The class ``Name`` of a kind in a user's file, or a simulator of that name.
+
+    ``:Name`` may be left out if the file defines just one.
+    """
     place, _, name = reference.partition(":")
     path = Path(place)
     if not path.is_file():
         raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
     with users_code(reference, "running it", "Correct the file", str(path)):
         module = run_file(f"mofit_user_{path.stem}", path)
-    found = _classes(module, kind)
+    made = {key: value for key, value in vars(module).items() if isinstance(value, kind) and isinstance(value, Simulator)}
+    found: dict[str, type[T] | T] = {**_classes(module, kind), **made}
     if name in found:
         return found[name]
     if name:
