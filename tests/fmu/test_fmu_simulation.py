@@ -33,8 +33,9 @@ def mapped(folder, text):
     return path
 
 
-def test_model_exchange_follows_the_exact_solution(executor, tmp_path):
-    model = find_model(str(build(tmp_path)))
+@pytest.mark.parametrize("version", [2, 3])
+def test_model_exchange_follows_the_exact_solution(executor, tmp_path, version):
+    model = find_model(str(build(tmp_path, version=version)))
     (found,) = run(executor, model.function)
     assert found.failure is None
     assert found.outputs[:, 0] == pytest.approx(EXACT, abs=2e-6)
@@ -49,9 +50,9 @@ def test_inputs_are_interpolated_where_the_fmu_can(executor, tmp_path):
     assert found.outputs[:, 0] == pytest.approx(EXACT, abs=1e-7)
 
 
-@pytest.mark.parametrize("steps", [1, 4, 16])
-def test_held_inputs_are_half_a_communication_step_early(executor, tmp_path, steps):
-    fmu = build(tmp_path, exchange=False)
+@pytest.mark.parametrize(("steps", "version"), [(1, 2), (4, 2), (16, 2), (4, 3)])
+def test_held_inputs_are_half_a_communication_step_early(executor, tmp_path, steps, version):
+    fmu = build(tmp_path, version=version, exchange=False)
     model = find_model(f"{fmu}:{mapped(tmp_path, f'steps = {steps}')}")
     (found,) = run(executor, model.function)
     early = position(TIME, 350.0, 5.0, 1.2, 0.05, 10.0 + 20.0 * 0.005 / steps, 20.0)
@@ -72,9 +73,9 @@ def exact_slopes():
     return np.stack(columns, axis=-1)
 
 
-@pytest.mark.parametrize("flaw", [(), ("WITHOUT_PARAMETERS",)], ids=["directional", "differences"])
-def test_sensitivities_are_exact_with_directional_derivatives_and_without(executor, tmp_path, flaw):
-    model = find_model(str(build(tmp_path, *flaw)))
+@pytest.mark.parametrize(("flaw", "version"), [((), 2), ((), 3), (("WITHOUT_PARAMETERS",), 2)])
+def test_sensitivities_are_exact_with_directional_derivatives_and_without(executor, tmp_path, flaw, version):
+    model = find_model(str(build(tmp_path, *flaw, version=version)))
     (found,) = run(executor, model.function, free=tuple(VALUES))
     for k, exact in enumerate(exact_slopes().T):
         assert found.slopes[:, 0, k] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())

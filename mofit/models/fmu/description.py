@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from mofit.errors import InputError
 from mofit.models.fmu.units import SiConversion, si_conversion
@@ -86,14 +88,17 @@ def read_description(path: Path) -> FmuDescription:
         raise InputError.of(where, "no such file", "Check the path")
     fmpy = fmpy_for(where)
     try:
-        found = fmpy.read_model_description(str(path), validate=False)
+        with zipfile.ZipFile(path) as archive, archive.open("modelDescription.xml") as file:
+            root = ElementTree.parse(file).getroot()
+        version = str(root.get("fmiVersion"))
+        usable = version.startswith(("2.", "3."))
+        found = fmpy.read_model_description(str(path), validate=False) if usable else None
         platforms = fmpy.supported_platforms(str(path))
-        version = found.fmiMajorVersion
-    except Exception as error:
+    except Exception as error:  # a damaged file raises anything, from zipfile, the XML parsers and FMPy
         reason = (str(error).splitlines() or [""])[0][:200] or type(error).__name__
         raise InputError.of(where, f"not a readable FMU ({reason})", "Export it again") from error
-    if version not in (2, 3):
-        raise InputError.of(where, f"is of FMI {found.fmiVersion}", "Export it as FMI 2.0 or 3.0")
+    if found is None:
+        raise InputError.of(where, f"is of FMI {version}", "Export it as FMI 2.0 or 3.0")
     exchange, simulation = found.modelExchange, found.coSimulation
     interfaces = [name for name, one in ((MODEL_EXCHANGE, exchange), (CO_SIMULATION, simulation)) if one is not None]
     if not interfaces:
@@ -101,18 +106,23 @@ def read_description(path: Path) -> FmuDescription:
     if fmpy.platform not in platforms:
         has = f"has binaries for {', '.join(platforms) or 'no platform'}, not for {fmpy.platform}"
         raise InputError.of(where, has, "Export it for this platform, or compile its sources: fmpy compile FILE")
-    offered = "providesDirectionalDerivative" if version == 2 else "providesDirectionalDerivatives"
-    derives = bool(getattr(exchange, offered, False) or getattr(exchange, "providesDirectionalDerivative", False))
     return FmuDescription(
         path=path,
         name=path.stem,
-        version=version,
+        version=int(version[0]),
         interfaces=tuple(interfaces),
-        derives=derives and found.numberOfEventIndicators == 0,
-        holds_inputs=not (version == 2 and simulation is not None and simulation.canInterpolateInputs),
+        derives=_derives(root) and found.numberOfEventIndicators == 0,
+        holds_inputs=not (version[0] == "2" and simulation is not None and simulation.canInterpolateInputs),
         fixed_step=_fixed_step(simulation),
         variables={one.name: _variable(one, found) for one in found.modelVariables if one.type in _REAL},
     )
+
+
+def _derives(root: ElementTree.Element) -> bool:
+    """Whether model exchange gives directional derivatives; FMPy does not read this of FMI 3.0."""
+    exchange = root.find("ModelExchange")
+    names = ("providesDirectionalDerivative", "providesDirectionalDerivatives")
+    return exchange is not None and any(exchange.get(name) in ("true", "1") for name in names)
 
 
 def _fixed_step(simulation: Any) -> float | None:

@@ -1,4 +1,4 @@
-"""Units of FMUs, which are spelt as in Modelica or defined by SI base units, into SI."""
+"""Units of FMUs, spelt as in Modelica or defined by SI base units."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from mofit.units import UnitError, is_unit, si_unit, to_si
+from mofit.units import UnitError, any_si_unit, to_si
 
 _BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
@@ -27,19 +27,16 @@ def si_conversion(unit: str | None, base: Any = None) -> SiConversion | None:
     The name decides where mofit knows it, else its definition by base units (FMI's ``BaseUnit``).
     """
     spelt = _spelt(unit or "")
-    if spelt and is_unit(spelt):
-        return _by_name(spelt, si_unit(spelt))
-    if base is not None:
-        powers = [(name, int(getattr(base, name))) for name in _BASE if getattr(base, name)]
-        composed = " ".join(name if power == 1 else f"{name}^{power}" for name, power in powers) or "1"
-        target = si_unit(composed) if is_unit(composed) else composed
-        return SiConversion(target, float(base.factor), float(base.offset))
-    if spelt:
-        try:
-            return _by_name(spelt, spelt)  # coherent, but of a dimension that mofit has no spelling for
-        except UnitError:
-            return None
-    return None
+    try:
+        if spelt:
+            return _by_name(spelt, any_si_unit(spelt))
+    except UnitError:
+        pass
+    if base is None:
+        return None
+    powers = [(name, int(getattr(base, name))) for name in _BASE if getattr(base, name)]
+    composed = " ".join(name if power == 1 else f"{name}^{power}" for name, power in powers) or "1"
+    return SiConversion(any_si_unit(composed), float(base.factor), float(base.offset))
 
 
 def _by_name(unit: str, target: str) -> SiConversion:
@@ -48,5 +45,5 @@ def _by_name(unit: str, target: str) -> SiConversion:
 
 
 def _spelt(unit: str) -> str:
-    """Modelica's ``N.s/m`` and ``kg.m2/s3``: a point between letters multiplies."""
-    return re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", " ", unit.strip())
+    """Modelica's ``N.s/m`` and ``kg.m2/s3``: a point between letters multiplies; a ``rev`` is a turn."""
+    return re.sub(r"\brev\b", "turn", re.sub(r"(?<=[A-Za-z0-9)])\.(?=[A-Za-z(])", " ", unit.strip()))
