@@ -29,9 +29,11 @@ from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
+from mofit.identification.allowance import simulations_told
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
+from mofit.simulation.black_box.evaluations import with_evaluations
 from mofit.simulation.ranges import data_scales, with_parameters
 
 
@@ -80,7 +82,8 @@ def diagnose(
     """
     began = time.process_time()
     campaign, model = as_campaign(campaign), _unpooled(as_model(model))
-    settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
+    settings, rules = (settings or Settings()).for_model(model), diagnosis or DiagnosisSettings()
+    model = with_evaluations(model, settings.simulations)
     build_system(model)  # what is wrong with it is told before anything else
     whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
     tests = remaining_tests(model, campaign, whole, as_names(tests))
@@ -119,7 +122,7 @@ def diagnose(
         noise_floor=dict(zip(observed.problem.objective_names, observed.noise_floors, strict=True)),
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
-        warnings=(*notes, *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
+        warnings=(*notes, *simulations_told(observed.problem), *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
         seconds=time.process_time() - began,
         page=_page,
     )

@@ -82,7 +82,9 @@ def build_system(model: Model) -> System:
         groups_seen = (simulator.inputs, simulator.parameters, simulator.conditions)
         seen = ca.SX(ca.vertcat(*(getattr(symbols, one.name) for group in groups_seen for one in group)))
         function = _function(where, "seen", {"x": x, **others}, "seen", seen)
-        return BlackBoxSystem(**vars(found), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+        whole = BlackBoxSystem(**vars(found), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+        whole.check()
+        return whole
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error

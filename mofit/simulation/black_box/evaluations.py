@@ -133,11 +133,12 @@ class Evaluations:
     def _together(self, record: Record, parameters: Mapping[str, FloatArray], sets: int) -> list[Evaluation]:
         names = [channel.name for channel in self.box.outputs]
         try:
-            returned = self.box.function(record, parameters)
+            with np.errstate(all="ignore"):
+                returned = self.box.function(record, parameters)
             each = returned if isinstance(returned, Mapping) else {names[0]: returned}
             rows = [{name: np.asarray(values)[k] for name, values in each.items()} for k in range(sets)]
             return [checked(as_columns(row, names, len(record.time)), None, record) for row in rows]
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - as in `evaluated`
             return [Evaluation(None, failure=f"{type(error).__name__}: {error}")] * sets
 
 

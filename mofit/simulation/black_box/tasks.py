@@ -55,13 +55,20 @@ def evaluated(task: Task) -> Evaluation:
     """Call the function; what it raises, and what is not finite, is a failure."""
     count = len(task.record.time)
     try:
-        if task.free:
-            outputs, slopes = task.function.sensitivities(task.record, task.parameters, task.free)  # type: ignore[attr-defined]
-            shape = (count, len(task.outputs), len(task.free))
-            return checked(np.reshape(outputs, shape[:2]), np.reshape(slopes, shape), task.record)
-        return checked(as_columns(task.function(task.record, task.parameters), task.outputs, count), None, task.record)
-    except Exception as error:
+        with np.errstate(all="ignore"):
+            return _called(task, count)
+    except Exception as error:  # noqa: BLE001 - whatever a user's function raises is a failed simulation
         return Evaluation(None, failure=f"{type(error).__name__}: {error}")
+
+
+def _called(task: Task, count: int) -> Evaluation:
+    if not task.free:
+        outputs = as_columns(task.function(task.record, task.parameters), task.outputs, count)
+        return checked(outputs, None, task.record)
+    given: Any = task.function
+    outputs, slopes = given.sensitivities(task.record, task.parameters, task.free)
+    shape = (count, len(task.outputs), len(task.free))
+    return checked(np.reshape(outputs, shape[:2]), np.reshape(slopes, shape), task.record)
 
 
 def as_columns(returned: Any, outputs: Sequence[str], count: int) -> FloatArray:
