@@ -12,6 +12,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.models import Model, Record, Simulator
 from mofit.models.effect import ExtendedModel
+from mofit.simulation.black_box.differences import Step
 from mofit.simulation.black_box.tasks import Evaluation, Executor, InProcess, Task, as_columns, checked
 
 #: bytes of answers that are remembered
@@ -73,7 +74,7 @@ class Evaluations:
         """Those of them that failed."""
         self.refused = 0
         """Simulations that were asked for beyond the limit."""
-        self.steps: dict[str, float] = {}
+        self.steps: dict[str, Step] = {}
         """Steps of differences by parameter, see `mofit.simulation.black_box.differences`."""
 
     @property
