@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import pkgutil
-import sys
 from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
@@ -20,6 +18,7 @@ from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
 from mofit.models.part_drift import DRIFT_PREFIX, PartDrift
 from mofit.models.users_code import users_code
+from mofit.runtime.sending import run_file
 
 T = TypeVar("T", Model, Effect)
 
@@ -134,13 +133,8 @@ def _own(reference: str, kind: type[T]) -> type[T] | T:
     path = Path(place)
     if not path.is_file():
         raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
-    spec = importlib.util.spec_from_file_location(f"mofit_user_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None  # there is one for every name that ends in .py
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
     with users_code(reference, "running it", "Correct the file", str(path)):
-        spec.loader.exec_module(module)
+        module = run_file(f"mofit_user_{path.stem}", path)
     made = {key: value for key, value in vars(module).items() if isinstance(value, kind) and isinstance(value, Simulator)}
     found: dict[str, type[T] | T] = {**_classes(module, kind), **made}
     if name in found:
