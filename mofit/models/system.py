@@ -59,7 +59,8 @@ def build_system(model: Model) -> System:
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()
     applied = [(_guarded(effect), target) for effect, target in effects]
-    symbols = Symbols(base, groups["u"], applied)
+    rates = {channel.derivative_of: channel.name for channel in model.inputs if channel.derivative_of}
+    symbols = Symbols(base, groups["u"], applied, rates)
     equations = _evaluated(where, model, symbols)
     outputs = {name: symbols.quantity(name, _sx(where, name, value)) for name, value in equations.outputs.items()}
     # an effect on an input that no equation uses still has states
