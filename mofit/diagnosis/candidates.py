@@ -18,7 +18,16 @@ from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
-from mofit.models import Effect, Model, build_system, drifts_of, effect_names, find_effect, incompatibility, with_effects
+from mofit.models import (
+    Effect,
+    Model,
+    build_system,
+    drifts_of,
+    effect_names,
+    find_effect,
+    incompatibility,
+    with_effects,
+)
 from mofit.parameters import ParameterSpace
 from mofit.simulation import lacking
 from mofit.simulation.black_box.evaluations import simulator_of

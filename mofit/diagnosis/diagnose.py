@@ -26,10 +26,10 @@ from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.identification.allowance import simulations_told
 from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
-from mofit.identification.allowance import simulations_told
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
@@ -122,7 +122,13 @@ def diagnose(
         noise_floor=dict(zip(observed.problem.objective_names, observed.noise_floors, strict=True)),
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
-        warnings=(*notes, *simulations_told(observed.problem), *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
+        warnings=(
+            *notes,
+            *simulations_told(observed.problem),
+            *_at_ends(found),
+            *_at_most(found, rules),
+            *_of_tests(found, ending.shrinkage),
+        ),
         seconds=time.process_time() - began,
         page=_page,
     )

@@ -8,7 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.models import BlackBoxSystem, Channel, Effect, Equations, Model, Simulator, Symbols, build_system, with_effects
+from mofit.models import (
+    BlackBoxSystem,
+    Channel,
+    Effect,
+    Equations,
+    Model,
+    Simulator,
+    Symbols,
+    build_system,
+    with_effects,
+)
 from mofit.simulation import ExperimentData
 from mofit.simulation.black_box.engine import BlackBoxEngine
 
@@ -30,7 +40,10 @@ class FrozenSimulator(Model):
 
 
 def frozen(
-    box: Simulator, effects: Sequence[Effect], tests: Sequence[Mapping[str, float]], experiments: Sequence[ExperimentData]
+    box: Simulator,
+    effects: Sequence[Effect],
+    tests: Sequence[Mapping[str, float]],
+    experiments: Sequence[ExperimentData],
 ) -> tuple[Model, list[ExperimentData]]:
     """The frozen simulator without effects, and the tests with what was simulated in them.
 

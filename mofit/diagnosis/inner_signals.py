@@ -13,7 +13,17 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.frozen_simulator import SIMULATED, frozen
 from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
-from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Simulator, Symbols, build_system, with_effects
+from mofit.models import (
+    TARGET_UNIT,
+    Addition,
+    Channel,
+    Equations,
+    Model,
+    Simulator,
+    Symbols,
+    build_system,
+    with_effects,
+)
 from mofit.models.effect import base_and_effects, possible_targets, rate_of
 from mofit.parameters import Parameter
 from mofit.simulation import ExperimentData

@@ -39,7 +39,8 @@ def build_system(model: Model) -> System:
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()
     applied = [(_guarded(effect), target) for effect, target in effects]
-    symbols = Symbols(base, groups["u"], applied)
+    rates = {channel.derivative_of: channel.name for channel in model.inputs if channel.derivative_of}
+    symbols = Symbols(base, groups["u"], applied, rates)
     equations = _evaluated(where, model, symbols)
     simulator = base_and_effects(model)[0]
     simulated = [*equations.outputs.values()] if isinstance(simulator, Simulator) else []

@@ -13,7 +13,6 @@ from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.time_grid import StepChoice
 
 
-
 class Engine(Protocol):
     """Runs parameter sets (N, np), or (N, T, np) where each test has its own, through tests."""
 

@@ -112,7 +112,9 @@ class BlackBoxEngine:
         return self.evaluations.offers_slopes and self._before is self._behind is None
 
     def _with_own_slopes(self, experiments: Sequence[ExperimentData], sets: Sequence[FloatArray]) -> list[FloatArray]:
-        calls = [self._calls(experiment, own, None, self.free) for experiment, own in zip(experiments, sets, strict=True)]
+        calls = [
+            self._calls(experiment, own, None, self.free) for experiment, own in zip(experiments, sets, strict=True)
+        ]
         answers = self.evaluations.run([call for own in calls for call in own])
         ny, nf, result = len(self.system.outputs), len(self.free), []
         for experiment, own in zip(experiments, calls, strict=True):
@@ -226,14 +228,19 @@ class BlackBoxEngine:
         names = [condition.name for condition in self.system.box.conditions]
         if self._before is None:
             known = {bytes(own): own for own in seen[:, count:]}
-            records = {key: self._record(experiment, None, dict(zip(names, own, strict=True))) for key, own in known.items()}
+            records = {
+                key: self._record(experiment, None, dict(zip(names, own, strict=True))) for key, own in known.items()
+            }
             return [Call(records[bytes(own[count:])], tuple(own[:count].tolist()), free) for own in seen]
         assert choice is not None
         idle = np.zeros((experiment.samples, len(self.system.box.outputs)))
         given = np.concatenate([experiment.inputs, idle], axis=1)
         inputs = self._before(experiment, [given] * len(sets), sets, choice.levels[0])
         return [
-            Call(self._record(experiment, own, dict(zip(names, row[count:].tolist(), strict=True))), tuple(row[:count].tolist()))
+            Call(
+                self._record(experiment, own, dict(zip(names, row[count:].tolist(), strict=True))),
+                tuple(row[:count].tolist()),
+            )
             for own, row in zip(inputs, seen, strict=True)
         ]
 

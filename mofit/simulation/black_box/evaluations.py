@@ -115,7 +115,9 @@ class Evaluations:
             records.setdefault(call.record.digest, []).append(k)
         for places in records.values():
             record = calls[places[0]].record
-            parameters = self._named([np.array(column) for column in zip(*(calls[k].values for k in places), strict=True)])
+            parameters = self._named(
+                [np.array(column) for column in zip(*(calls[k].values for k in places), strict=True)]
+            )
             found |= dict(zip(places, evaluate_many(self.box.function, record, parameters, outputs), strict=True))
         return [found[k] for k in range(len(calls))]
 

@@ -128,7 +128,9 @@ class Surface:
     def with_slopes(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values (N, M) and their derivatives (N, M, d)."""
         values = _monomials(z, self.exponents) @ self.beta
-        slopes = np.stack([_monomials(z, *_differentiated(self.exponents, k)) @ self.beta for k in range(z.shape[1])], -1)
+        slopes = np.stack(
+            [_monomials(z, *_differentiated(self.exponents, k)) @ self.beta for k in range(z.shape[1])], -1
+        )
         if self.process is None:
             return values, slopes
         mean, gradient = self.process.with_slopes(self._cube(z))
