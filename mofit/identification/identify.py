@@ -35,7 +35,8 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
-from mofit.simulation.black_box.evaluations import simulator_of, with_evaluations
+from mofit.simulation.black_box.evaluations import evaluations_of, simulator_of, with_evaluations
+from mofit.simulation.black_box.executors import KEPT, evaluated_in
 from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
@@ -110,7 +111,11 @@ def identify(
         **({"hold_out": list(as_names(hold_out))} if hold_out else {}),
     }
     stem = f"{slug(campaign.title) or 'run'}-{model.name}"
-    with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
+    with (
+        run_folder(out, stem, configuration, resume=resume) as folder,
+        report_beside() as drawn,
+        evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask, folder.partial),
+    ):
         log.write_to(folder.partial / LOG)
         known = folder.partial / ESTIMATES_FILE
         found = partial(_write_unrefined, known)
@@ -152,6 +157,7 @@ def identify(
             for warning in (*(finding.text for finding in result.findings), *result.warnings):
                 log.note(f"warning: {warning}")
             known.unlink()
+            (folder.partial / KEPT).unlink(missing_ok=True)
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
 

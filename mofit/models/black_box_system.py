@@ -113,7 +113,7 @@ class BlackBoxSystem(System):
     @cached_property
     def reaching(self) -> frozenset[str]:
         """Parameters that change what the simulator sees."""
-        x, u, p, c = self._symbols
+        _, u, p, c = self._symbols
         filter_ = self.before
         own = ca.SX.sym("x", len(filter_.states))
         filtered = ca.vertcat(self.constants(p, c), filter_.out(own, u, p, c), filter_.rhs(own, u, p, c))

@@ -248,7 +248,7 @@ class BlackBoxEngine:
         """The test as the simulator sees it, with inputs as they are or filtered."""
         seen = experiment.inputs[:, self._seen] if inputs is None else inputs
         columns = {one.name: np.ascontiguousarray(seen[:, k]) for k, one in enumerate(self.system.box.inputs)}
-        time = np.arange(experiment.samples) * experiment.step
+        time = np.asarray(np.arange(experiment.samples) * experiment.step, dtype=float)
         return Record(experiment.name, time, columns, {name: float(value) for name, value in conditions.items()})
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 from mofit.simulation.black_box.evaluations import Evaluations
 from mofit.simulation.evaluation import Cached, DaskExecutor, Executor, IsolatedExecutor
 
+#: File in which simulations are kept while a job works.
+KEPT = "evaluations.sqlite"
 #: Seconds that one simulation may take.
 TIMEOUT = 60.0
 

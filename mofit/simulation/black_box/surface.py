@@ -2,8 +2,8 @@ r"""A response surface: smooth functions of a few coordinates from values at sca
 
 .. math:: c(z) = \sum_{|\alpha| \le q} \beta_\alpha z^\alpha + g(z)
 
-with a polynomial of degree q fitted by least squares and, where that helps, a Gaussian process g through what it leaves.
-Degree and process are those of least leave-one-out error.
+with a polynomial of degree q fitted by least squares and, where that helps, a Gaussian process g through what it
+leaves. Degree and process are those of least leave-one-out error.
 """
 
 from __future__ import annotations
