@@ -68,6 +68,13 @@ Evaluations = Annotated[
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
+Timeout = Annotated[
+    str | None, Parameter(help="Time that one simulation of a simulator of your own may take. By default 60 s.")
+]
+Dask = Annotated[
+    str | None,
+    Parameter(help="Address of a Dask scheduler, tcp://host:port, on whose workers a simulator of your own runs."),
+]
 TimeLimit = Annotated[
     str | None, Parameter(help="Time after which the command ends with what there is, as in 60s or 5min; exit code 3.")
 ]

@@ -9,6 +9,7 @@ from mofit.cli.app import (
     NOT_CONVERGED,
     UNUSABLE,
     Bounds,
+    Dask,
     Effects,
     Evaluations,
     Fixed,
@@ -21,6 +22,7 @@ from mofit.cli.app import (
     Simulations,
     Tests,
     TimeLimit,
+    Timeout,
     app,
     by_name,
     cores,
@@ -60,6 +62,8 @@ def identify(
     out: Path | None = None,
     resume: bool = False,
     no_sample: bool = False,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -95,6 +99,7 @@ def identify(
     """
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
+    from mofit.simulation.black_box.executors import TIMEOUT
     from mofit.workflows.jobs import Job, identify_file
 
     if all_freqs and (freq or test):
@@ -103,6 +108,8 @@ def identify(
         search=search,
         evaluations=evaluations,
         simulations=simulations,
+        timeout=seconds("--timeout", timeout) or TIMEOUT,
+        dask=dask,
         weights=by_name("--weights", weights),
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
@@ -140,6 +147,9 @@ def diagnose(
     per: tuple[str, ...] = (),
     seed: Seed = 0,
     out: Path | None = None,
+    simulations: Simulations = None,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -170,9 +180,13 @@ def diagnose(
     """
     from mofit.cli.output import progress_bar, show_diagnosis
     from mofit.identification.settings import Settings
+    from mofit.simulation.black_box.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 
     settings = Settings(
+        simulations=simulations,
+        timeout=seconds("--timeout", timeout) or TIMEOUT,
+        dask=dask,
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
         scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),

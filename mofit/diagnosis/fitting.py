@@ -184,6 +184,9 @@ def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[Wh
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
     observed = _whitened(setup, simulators)
     found, _ = search(setup.searched, setup.settings)
+    if problem.evaluations is not None:  # descents from elsewhere cost more than they may find
+        best = setup.searched.layout.values(found.points[[found.best]], problem.space.names)
+        return observed, np.clip(problem.space.to_unit(best), 0.0, 1.0)
     minima = setup.searched.layout.values(found.archived_points[:_MINIMA], problem.space.names)
     return observed, np.clip(problem.space.to_unit(np.vstack([values, minima])), 0.0, 1.0)
 
@@ -289,7 +292,9 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     model, starts = hypothesis(observed), np.atleast_2d(starts)[:, : len(observed.problem.space)]
     start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
+    costly = observed.problem.evaluations is not None
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
+    scattered = scattered[:0] if costly else scattered
     starts = with_scoped(model, np.concatenate([starts, np.where(searched, scattered, start)]))
     model = model.at_steps_for(starts[:1])
     with explained(observed.problem):

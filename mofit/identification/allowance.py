@@ -58,3 +58,12 @@ def shortages(problem: Problem, groups: Sequence[str]) -> list[str]:
             "were not made. More are allowed by --simulations."
         )
     return found
+
+
+def simulations_told(problem: Problem) -> list[str]:
+    """What a diagnosis took of a user's simulator, and what went without; nothing of a model that has equations."""
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return []
+    found = [f"{evaluations.count} simulations. Effects that act inside the simulator are out of reach."]
+    return [*found, *shortages(problem, ("/per_frequency",))]

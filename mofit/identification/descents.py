@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -19,9 +20,11 @@ COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tol
 SHARE, STEPS = 0.3, 8
 
 
-def settings_for(problem: Problem, *, merge: Closeness | None = COSTLY.merge) -> RefineSettings:
+def settings_for(
+    problem: Problem, *, merge: Closeness | None = COSTLY.merge, until: float = math.inf
+) -> RefineSettings:
     """Settings of a descent."""
-    return replace(RefineSettings() if problem.evaluations is None else COSTLY, merge=merge)
+    return replace(RefineSettings() if problem.evaluations is None else COSTLY, merge=merge, until=until)
 
 
 def few_starts(problem: Problem, starts: FloatArray, found_by: Sequence[str]) -> tuple[FloatArray, list[str]]:

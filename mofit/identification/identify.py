@@ -35,13 +35,16 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
-from mofit.simulation.black_box.evaluations import simulator_of, with_evaluations
+from mofit.simulation.black_box.evaluations import evaluations_of, simulator_of, with_evaluations
+from mofit.simulation.black_box.executors import KEPT, evaluated_in
 from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
 ESTIMATES_FILE = "estimates.json"
 #: Seconds of a time limit that are kept for result and report.
 RESERVE = 8.0
+#: Share of a time limit at which searches and refinements end.
+REFINED = 0.5
 
 
 def identify(
@@ -96,6 +99,7 @@ def identify(
     return_at_once()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
+    refined_until = math.inf if settings.time_limit is None else time.monotonic() + REFINED * settings.time_limit
     whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
     chosen = remaining_tests(model, campaign, whole, as_names(tests))
     configuration = {
@@ -107,17 +111,23 @@ def identify(
         **({"hold_out": list(as_names(hold_out))} if hold_out else {}),
     }
     stem = f"{slug(campaign.title) or 'run'}-{model.name}"
-    with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
+    with (
+        run_folder(out, stem, configuration, resume=resume) as folder,
+        report_beside() as drawn,
+        evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask, folder.partial),
+    ):
         log.write_to(folder.partial / LOG)
         known = folder.partial / ESTIMATES_FILE
         found = partial(_write_unrefined, known)
-        located = locate_minima(campaign, model, settings, chosen, timer=timer, progress=progress, searched=found)
+        located = locate_minima(
+            campaign, model, settings, chosen, timer=timer, progress=progress, searched=found, until=refined_until
+        )
         keep_for_predictions(located.problem, len(as_names(hold_out)) and len(as_names(hold_out)) + len(chosen))
         references = partial(fit_references, located, model, campaign, settings)
         # a forked process would count its simulations for itself
         with beside(references, settings.jobs > 1 and simulator_of(model) is None) as fitted:
             with timer.measure("refine"):
-                minima = adjusted_modes(located.posterior, located.minima, settings)
+                minima = adjusted_modes(located.posterior, located.minima, settings, until)
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
             _make_room()
             with timer.measure("sample"):
@@ -147,6 +157,7 @@ def identify(
             for warning in (*(finding.text for finding in result.findings), *result.warnings):
                 log.note(f"warning: {warning}")
             known.unlink()
+            (folder.partial / KEPT).unlink(missing_ok=True)
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.identification.emulation import EmulatorCheck, emulated
+from mofit.identification.refinement import log_evidence
 from mofit.identification.result import PosteriorMode
 from mofit.identification.settings import Settings
 from mofit.identification.valley_path import along_valley
@@ -24,7 +25,6 @@ from mofit.sampling import (
     Evidence,
     bridge_log_evidence,
     laplace_covariance,
-    laplace_log_evidence,
     mode_region,
     mode_weights,
     restricted,
@@ -154,17 +154,10 @@ def _unsampled_mode(
     chains, evidence = _unsampled(minimum)
     sd = np.sqrt(np.diag(laplace_covariance(minimum.hessian)))
     profiles: Profile = profile(_Quadratic(minimum), minimum.point, sd)
-    return PosteriorMode(
-        name, minimum, adjusted.noise_hessian, adjusted, evidence, 1.0, chains, profiles, None, check
-    )
+    return PosteriorMode(name, minimum, adjusted.noise_hessian, adjusted, evidence, 1.0, chains, profiles, None, check)
 
 
 def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:
     """What stands in the place of chains: none, and the evidence by the Laplace approximation."""
     reason = "not sampled: standard deviations are those of the Laplace approximation"
-    return Chains.none(len(minimum.point), reason), Evidence(log_evidence_of(minimum), np.nan)
-
-
-def log_evidence_of(minimum: Minimum) -> float:
-    """Log of the posterior mass around a minimum by the Laplace approximation."""
-    return laplace_log_evidence(minimum.value, minimum.hessian, minimum.point, minimum.gradient)
+    return Chains.none(len(minimum.point), reason), Evidence(log_evidence(minimum), np.nan)

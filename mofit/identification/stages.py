@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,17 +13,16 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.errors import InputError
 from mofit.identification.allowance import check_allowed
 from mofit.identification.descents import few_starts, settings_for
-from mofit.identification.mode_sampling import log_evidence_of, sample_modes
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
+from mofit.identification.refinement import log_evidence, plausible, refined, with_calibrated_free
 from mofit.identification.result import LocalFit, Located, PosteriorMode
 from mofit.identification.search_budget import search_budget
 from mofit.identification.search_registry import find_search, search_settings
 from mofit.identification.search_weights import search_weights
 from mofit.identification.settings import Settings
-from mofit.identification.settled_noise import with_settled_noise
 from mofit.identification.steady_start import leads_said, led_setup
 from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
@@ -31,18 +32,18 @@ from mofit.optimize import STAGES, Minimum, SearchResult, merge, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
-from mofit.sampling import StudentTMixture, laplace_covariance, mode_weights
+from mofit.sampling import StudentTMixture, laplace_covariance
 from mofit.simulation.black_box.evaluations import with_evaluations
 
 P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.
 Searched = Callable[[Problem, FloatArray], None]
 
-#: Minima of the searched parameters with less posterior probability are not refined with the calibrated ones free:
-#: freeing these can raise a probability, but not a thousandfold.
-LEAST_PROBABILITY = 1e-6
-#: Standard deviation, in box widths, of where a minimum moves when the calibrated parameters become free.
-NEIGHBOURHOOD = 0.01
+#: What is said where there was no time to refine and to look whether ranges are wide enough.
+TIME_IS_UP = (
+    "The time limit came before the minima were refined and their ranges seen to be wide enough: give more time, or "
+    "narrow the ranges (--bounds)."
+)
 #: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
 IN_VALLEY = 5.0
 
@@ -56,17 +57,22 @@ def locate_minima(
     timer: StageTimer | None = None,
     progress: Progress = silent,
     searched: Searched = lambda problem, points: None,
+    until: float = math.inf,
 ) -> Located:
     """Calibrate, search and refine; see `mofit.identification.identify` for the parameters.
 
-    ``searched`` is called with the problem and the minima (k, d) as soon as the first search has found them.
+    ``searched`` is called with the problem and the minima (k, d) as soon as the first search has found them. From the
+    time ``until`` of `time.monotonic` on, refinements end where they are and ranges are not widened.
     """
     timer = timer or StageTimer()
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
-    located, notes = _located(setup, timer, progress, searched), list[str]()
+    located, notes = _located(setup, timer, progress, until, searched), list[str]()
     for widen in (led_setup, wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
+        if time.monotonic() > until:
+            notes.append(TIME_IS_UP)
+            break
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
         if wider is None:
@@ -75,12 +81,16 @@ def locate_minima(
         for note in new:
             progress("search", 0, 0, str(note))
         setup, notes = wider, [*notes, *map(str, new)]
-        located = _located(setup, timer, progress)
+        located = _located(setup, timer, progress, until)
     return replace(located, warnings=(*located.warnings, *notes)) if notes else located
 
 
 def _located(
-    setup: ProblemSetup, timer: StageTimer, progress: Progress, tell: Searched = lambda problem, points: None
+    setup: ProblemSetup,
+    timer: StageTimer,
+    progress: Progress,
+    until: float,
+    tell: Searched = lambda problem, points: None,
 ) -> Located:
     """Search and refine in the ranges of a problem."""
     with timer.measure("prepare"):
@@ -91,8 +101,8 @@ def _located(
         starts = few_starts(searched, *starts_of(found))
         tell(searched, starts[0])
         progress("refine", 0, 1, "")
-        searched, rough = refined(searched, *starts)
-        posterior, minima = _with_calibrated_free(posterior, searched, rough)
+        searched, rough = refined(searched, *starts, until)
+        posterior, minima = with_calibrated_free(posterior, searched, rough, until)
     return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
 
 
@@ -142,53 +152,20 @@ def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
     return found.points[rows], [stages.get(row, "") for row in rows]
 
 
-def refined(problem: P, starts: FloatArray, found_by: Sequence[str] = ()) -> tuple[P, tuple[Minimum, ...]]:
-    """Refine, estimate the noise at the best minimum, and refine again under that noise.
-
-    Of the starts that end in one minimum, the one from the earliest stage of the search found it.
-    """
-    with explained(problem.main):
-        settings = settings_for(problem.main)
-        first = _with_stage(merge(refine(problem.evaluate, starts, settings)), found_by or [""] * len(starts))
-    if not first:
-        raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
-    counted = with_settled_noise(problem, first[0].point)
-    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]), settings)
-    merged = merge(again, values=lambda u: -counted.log_posterior(u))
-    return counted, _with_stage(merged, [minimum.found_by for minimum in first])
-
-
-def _with_stage(minima: Sequence[Minimum], found_by: Sequence[str]) -> tuple[Minimum, ...]:
-    def first(stages: set[str]) -> str:
-        return next((stage for stage in STAGES if stage in stages), "")
-
-    return tuple(replace(one, found_by=first({found_by[member] for member in one.members})) for one in minima)
-
-
-def _with_calibrated_free(
-    posterior: CampaignPosterior, searched: Problem, minima: Sequence[Minimum]
-) -> tuple[CampaignPosterior, tuple[Minimum, ...]]:
-    """Estimate the calibrated parameters as well, starting from the plausible minima of the searched ones."""
-    plausible = _plausible(minima, LEAST_PROBABILITY)
-    candidates = np.stack([minimum.point for minimum in plausible])
-    space = posterior.space
-    starts = space.to_unit(searched.layout.values(candidates, space.names))
-    local = posterior.with_noise(searched.noise).near(starts, np.full(len(space), NEIGHBOURHOOD))
-    return refined(local, starts, [minimum.found_by for minimum in plausible])
-
-
 def adjusted_modes(
-    posterior: CampaignPosterior, minima: Sequence[Minimum], settings: Settings
+    posterior: CampaignPosterior, minima: Sequence[Minimum], settings: Settings, until: float = math.inf
 ) -> tuple[tuple[Minimum, AdjustedPosterior], ...]:
     """The plausible minima, each with its posterior adjusted to noise and gap and moved to that; most probable first.
 
-    Where noise and gap weaken the likelihood, the priors of the stages move a minimum.
+    Where noise and gap weaken the likelihood, the priors of the stages move a minimum. ``until`` is that of
+    `RefineSettings`.
     """
-    located, valleys, descent = [], list[StudentTMixture](), settings_for(posterior.main, merge=None)
-    plausible = _plausible(minima, settings.least_probability)
+    located, valleys = [], list[StudentTMixture]()
+    descent = settings_for(posterior.main, merge=None, until=until)
     quick = posterior.main.evaluations is None  # to follow a valley takes thousands of simulations
-    plausible = without_joined(posterior, plausible) if quick else plausible
-    for minimum in plausible[: settings.most_modes]:
+    distinct = plausible(minima, settings.least_probability)
+    distinct = without_joined(posterior, distinct) if quick else distinct
+    for minimum in distinct[: settings.most_modes]:
         if any(valley.distance(minimum.point[None])[0] < IN_VALLEY for valley in valleys):
             continue
         local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
@@ -199,15 +176,4 @@ def adjusted_modes(
             valleys += [] if valley is None else [valley]
         (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], descent))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
-    return tuple(sorted(located, key=lambda pair: -log_evidence_of(pair[0])))
-
-
-def _plausible(minima: Sequence[Minimum], least_probability: float) -> list[Minimum]:
-    """Minima by posterior probability (Laplace approximation), the most probable first, down to the least."""
-    with np.errstate(all="ignore"):  # where an integration nearly diverges, derivatives are beyond all bounds
-        evidence = np.array([log_evidence_of(minimum) for minimum in minima])
-    known = np.isfinite(evidence)
-    values = np.array([minimum.value for minimum in minima])
-    evidence = np.where(known, evidence, -np.inf) if known.any() else -values
-    weights = mode_weights(evidence)
-    return [minima[i] for i in np.argsort(-evidence, kind="stable") if weights[i] >= least_probability]
+    return tuple(sorted(located, key=lambda pair: -log_evidence(pair[0])))

@@ -114,8 +114,9 @@ class Simulator(Model):
 
     def equations(self, s: Symbols) -> Equations:
         """None but a symbol for each output, which effects act on; those on what goes in act first."""
-        for one in (*self.inputs, *self.parameters, *self.conditions):
-            getattr(s, one.name)
+        for group in (self.inputs, self.parameters, self.conditions):
+            for one in group:
+                getattr(s, one.name)
         return Equations(outputs={channel.name: ca.SX.sym(f"simulated_{channel.name}") for channel in self.outputs})
 
     def once(self, make: Callable[[Simulator], T]) -> T:

@@ -28,6 +28,17 @@ class BlackBoxSystem(System):
     space: ParameterSpace
     """All parameters, in ranges as the model has them."""
 
+    def check(self) -> None:
+        """Refuse effects that act inside the simulator.
+
+        Raises
+        ------
+        InputError
+            If an effect lets a parameter or a condition change within a test, or leads the output back to the input.
+        """
+        for part in ("constants", "before"):
+            getattr(self, part)
+
     def hash(self) -> str:
         """Hash of simulator and effects."""
         text = super().hash() + self.seen.serialize() + self.box.fingerprint
@@ -82,8 +93,8 @@ class BlackBoxSystem(System):
         names = [*(one.name for one in self.box.parameters), *(one.name for one in self.box.conditions)]
         for name, value in zip(names, ca.vertsplit(seen), strict=True):
             if ca.depends_on(value, ca.vertcat(x, u)):
-                message = f"an effect lets '{name}' change within a test, and the simulator takes it as a constant"
-                raise InputError.of(f"model '{self.box.name}'", message, "Leave the effect out: it acts inside of it")
+                message = f"out of reach, inside the simulator: an effect lets '{name}' change within a test"
+                raise InputError.of(f"model '{self.box.name}'", message, "Leave the effect out")
         return ca.Function("constants", [p, c], [seen], ["p", "c"], ["constants"])
 
     @cached_property
@@ -102,7 +113,7 @@ class BlackBoxSystem(System):
     @cached_property
     def reaching(self) -> frozenset[str]:
         """Parameters that change what the simulator sees."""
-        x, u, p, c = self._symbols
+        _, u, p, c = self._symbols
         filter_ = self.before
         own = ca.SX.sym("x", len(filter_.states))
         filtered = ca.vertcat(self.constants(p, c), filter_.out(own, u, p, c), filter_.rhs(own, u, p, c))
@@ -116,5 +127,5 @@ class BlackBoxSystem(System):
 
     def _refuse_feedback(self, u: ca.SX, filtered: ca.SX) -> None:
         if ca.depends_on(filtered, u[len(self.inputs) :]):
-            message = "an effect leads its output back to its inputs, which a simulation as a whole does not allow"
-            raise InputError.of(f"model '{self.box.name}'", message, "Leave the effect out: it acts inside of it")
+            message = "out of reach, inside the simulator: an effect leads the output back to the input"
+            raise InputError.of(f"model '{self.box.name}'", message, "Leave the effect out")

@@ -125,6 +125,8 @@ class Symbols:
     effects
         Functions of the symbols and a quantity (`Effect.apply`), each with the name of the quantity that it acts on.
         They act in this order.
+    rates
+        Of an input the one that is its time derivative.
     """
 
     def __init__(
@@ -132,10 +134,13 @@ class Symbols:
         base: Mapping[str, ca.SX],
         inputs: Sequence[str] = (),
         effects: Sequence[tuple[Apply, str]] = (),
+        rates: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._values = dict(base)
         self._pending = {*inputs, *(target for _, target in effects if target in base)}
-        self._effects = tuple(effects)
+        self._effects, self._rates = tuple(effects), dict(rates)
+        #: the input that is the time derivative of the quantity that an effect acts on now; None if there is none
+        self.rate: str | None = None
         #: derivatives and initial values of the effects' states, filled as quantities are announced
         self.derivatives: dict[str, ca.SX] = {}
         self.initial: dict[str, ca.SX] = {}
@@ -146,6 +151,10 @@ class Symbols:
         values = self.__dict__.get("_values", {})
         if name not in values:
             raise InputError.of(f"equations: s.{name}", "the model declares no such name", did_you_mean(name, values))
+        if name in self._pending:
+            # first the input that it is the rate of: an effect on that changes both
+            for source in (source for source, rate in self._rates.items() if rate == name):
+                getattr(self, source)
         if name in self._pending:
             self._pending.remove(name)
             values[name] = self.quantity(name, values[name])
@@ -158,6 +167,7 @@ class Symbols:
         """Announce a named quantity; returns it with every effect that acts on it."""
         for apply, target in self._effects:
             if target == name:
+                self.rate = self._rates.get(name)
                 applied = apply(self, value)
                 value = applied.value
                 self.derivatives.update(applied.derivatives)

@@ -143,7 +143,9 @@ def _own(reference: str, kind: type[T]) -> type[T] | T:
         raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
     with users_code(reference, "running it", "Correct the file", str(path)):
         module = run_file(f"mofit_user_{path.stem}", path)
-    made = {key: value for key, value in vars(module).items() if isinstance(value, kind) and isinstance(value, Simulator)}
+    made = {
+        key: value for key, value in vars(module).items() if isinstance(value, kind) and isinstance(value, Simulator)
+    }
     found: dict[str, type[T] | T] = {**_classes(module, kind), **made}
     if name in found:
         return found[name]

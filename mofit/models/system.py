@@ -39,7 +39,8 @@ def build_system(model: Model) -> System:
     base = {name: ca.SX.sym(name) for name in names}
     effects = model.effects if isinstance(model, ExtendedModel) else ()
     applied = [(_guarded(effect), target) for effect, target in effects]
-    symbols = Symbols(base, groups["u"], applied)
+    rates = {channel.derivative_of: channel.name for channel in model.inputs if channel.derivative_of}
+    symbols = Symbols(base, groups["u"], applied, rates)
     equations = _evaluated(where, model, symbols)
     simulator = base_and_effects(model)[0]
     simulated = [*equations.outputs.values()] if isinstance(simulator, Simulator) else []
@@ -82,7 +83,9 @@ def build_system(model: Model) -> System:
         groups_seen = (simulator.inputs, simulator.parameters, simulator.conditions)
         seen = ca.SX(ca.vertcat(*(getattr(symbols, one.name) for group in groups_seen for one in group)))
         function = _function(where, "seen", {"x": x, **others}, "seen", seen)
-        return BlackBoxSystem(**vars(found), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+        whole = BlackBoxSystem(**vars(found), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+        whole.check()
+        return whole
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import cast
@@ -41,6 +43,8 @@ class RefineSettings:
     """Past this a start has stalled."""
     longest_step: float = 0.25
     """Largest move of a coordinate per step, in box widths: a longer one leaves the basin."""
+    until: float = math.inf
+    """Time of `time.monotonic` at which starts end where they are."""
     merge: Closeness | None = field(default_factory=Closeness)
     """A start this close to a better one is merged with it: it would end in the same minimum. None follows every start
     to its end."""
@@ -113,7 +117,7 @@ def _minimise(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSetting
     state = _begin(evaluate, np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), 0.0, 1.0), settings)
     for _ in range(settings.max_iterations):
         state = _settle(state, settings)
-        if not state.active.any():
+        if not state.active.any() or time.monotonic() > settings.until:
             break
         state = _advance(evaluate, state, settings)
     return _result(_settle(state, settings), settings)

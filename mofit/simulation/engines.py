@@ -7,13 +7,10 @@ from typing import Protocol
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, System
-from mofit.simulation.black_box.engine import BlackBoxEngine
+from mofit.simulation.black_box.engine import FILTER_STEPS, BlackBoxEngine
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.time_grid import StepChoice
-
-#: Runge-Kutta steps per sampling interval of the effects around a user's simulator.
-FILTER_STEPS = 4
 
 
 class Engine(Protocol):

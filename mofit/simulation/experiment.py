@@ -186,7 +186,8 @@ def _curve(experiment: ExperimentData) -> PPoly:
         return PPoly(inputs[None], np.append(time, experiment.samples * experiment.step))
     if experiment.interpolation == "linear":
         return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
-    return CubicSpline(time, inputs, axis=0)
+    # one input after the other: making a spline takes several times its memory
+    return PPoly(np.stack([CubicSpline(time, column).c for column in inputs.T], axis=-1), time)
 
 
 def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, int], ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,38 +70,48 @@ class Kernel:
 
     def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
         """The table of a test for the parameters that all lanes share."""
-        grid = build_time_grid(experiment, level, find_switches(self.system, experiment.origin or experiment))
+        switches = find_switches(self.system, experiment.origin or experiment)
+        # before grid and rows are there: making the curve of the inputs takes several times its memory
+        first = experiment.at(np.zeros(1))[:, 0]
+        shared = {"first": first, "fixed": fixed, "condition": experiment.conditions}
+        grid = build_time_grid(experiment, level, switches)
         begins = np.zeros(len(grid.start), dtype=bool)
         begins[np.cumsum(grid.counts) - grid.counts] = True
-        constant, rows = self._evaluated(self.sample, experiment, grid, begins, fixed)
+        constant, rows = self._evaluated(self.sample, experiment, grid, begins, shared)
         more, substep_rows = np.empty(0), np.empty((0, 0))
         if not begins.all():
-            more, substep_rows = self._evaluated(self.substep, experiment, grid, ~begins, fixed)
+            more, substep_rows = self._evaluated(self.substep, experiment, grid, ~begins, shared)
         experiment.forget_curves()
         return Table(np.concatenate([constant, more]), rows, grid.counts - 1, substep_rows)
 
     def _evaluated(
-        self, split: Split, experiment: ExperimentData, grid: TimeGrid, which: NDArray[np.bool_], fixed: FloatArray
+        self,
+        split: Split,
+        experiment: ExperimentData,
+        grid: TimeGrid,
+        which: NDArray[np.bool_],
+        shared: Mapping[str, FloatArray],
     ) -> tuple[FloatArray, FloatArray]:
-        """Constant values and rows of the table, for some steps of a grid."""
+        """Constant values and rows of the table, for some steps of a grid; ``shared`` is the same in all of them."""
         cut, steps = len(split.constant), np.flatnonzero(which)
         constant, rows = np.empty(cut), np.empty((len(steps), sum(map(len, split.table.outputs)) - cut))
         # in parts, because the points take several times the memory of the table
         for first in range(0, len(steps), _PART):
             part = steps[first : first + _PART]
-            values = self._part(split, experiment, grid.start[part], grid.end[part], fixed)
+            values = self._part(split, experiment, grid.start[part], grid.end[part], shared)
             constant, rows[first : first + _PART] = values[:cut, 0].copy(), values[cut:].T
         return constant, rows
 
     def _part(
-        self, split: Split, experiment: ExperimentData, start: FloatArray, end: FloatArray, fixed: FloatArray
+        self,
+        split: Split,
+        experiment: ExperimentData,
+        start: FloatArray,
+        end: FloatArray,
+        shared: Mapping[str, FloatArray],
     ) -> FloatArray:
         """Values of the table, one per column, for some of the steps."""
         count, length = len(start), end - start
-
-        def everywhere(values: FloatArray) -> FloatArray:
-            return np.broadcast_to(np.asarray(values, dtype=float)[:, None], (len(values), count))
-
         points = {
             # values of a lane: never read
             "free": np.empty((0, count)),
@@ -110,9 +120,7 @@ class Kernel:
                 [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
             ),
             "input_rate": experiment.derivative(start) if _RATE in split.table.inputs else np.empty((0, count)),
-            "first": everywhere(experiment.at(np.zeros(1))[:, 0]),
-            "fixed": everywhere(fixed),
-            "condition": everywhere(experiment.conditions),
             "h": length[None],
+            **{name: np.broadcast_to(values[:, None], (len(values), count)) for name, values in shared.items()},
         }
         return evaluate(split.table, [points[name] for name in GRAPH_INPUTS])

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from kernel_response import output, point, transfer
 from reference_response import response
 
-from mofit.models import build_system, find_effect, find_model, with_effects
+from mofit.models import Channel, Equations, Model, build_system, find_effect, find_model, with_effects
+from mofit.parameters import Parameter
 
 ROLLING = {"longitudinal_velocity": 60 / 3.6, "dynamic_rolling_radius": 0.305}
 TYRE = {"c_M": 2e4, "d_M": 7.5e3, "d_y": 281.0}
@@ -202,6 +203,28 @@ def test_backlash_of_a_damper_holds_its_rate_too():
     gap = (travelled - play(x, 1e-3))[1000:]
     assert np.max(np.abs(gap - np.mean(gap))) < 1e-4
     assert np.ptp(travelled[1000:]) == pytest.approx(0.018, rel=0.01)
+
+
+class RateFirst(Model):
+    """A dashpot and a spring whose equations use the rate, under a name of its own, before the displacement."""
+
+    name = "rate_first"
+    parameters = (Parameter("c", "N/m", 0.0, 1e4, 100.0), Parameter("d", "N s/m", 0.0, 10.0, 1.0))
+    inputs = (Channel("displacement", "m"), Channel("stroke_rate", "m/s", derivative_of="displacement"))
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s):
+        damping = s.d * s.stroke_rate
+        return Equations(outputs={"force": damping + s.c * s.displacement})
+
+
+def test_a_play_acts_on_the_rate_whatever_its_name_and_whichever_the_equations_use_first():
+    time = np.arange(4000) / 1000
+    x, v = 0.01 * np.sin(2 * np.pi * time), 0.02 * np.pi * np.cos(2 * np.pi * time)
+    own, shipped = with_effects(RateFirst(), find_effect("backlash")), extended("kelvin_voigt_damper", "backlash")
+    values = {"c": 200.0, "p": 0.0, "d": 2.0, "F_0": 0.0, "b_0": 1e-3}
+    found = output(own, values, {"displacement": x, "stroke_rate": v}, 1e-3)
+    np.testing.assert_allclose(found, output(shipped, values, {"displacement": x, "velocity": v}, 1e-3), atol=1e-9)
 
 
 def sine(frequency: float, count: int = 4000):

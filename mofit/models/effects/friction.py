@@ -189,20 +189,20 @@ class Backlash(Effect):
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Input behind the play."""
-        position, free = s.play_position, s.play_free
+        position, free, measured = s.play_position, s.play_free, s.rate
         following = FOLLOWING * s.sample_interval
         # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
         # where the input rests without play, it was reached from zero
         rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
         arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
         free_rate = (value - free) / following
-        ahead = 0.5 * (s.velocity if "velocity" in s else free_rate)
-        if "velocity" in s:  # one trajectory with the position where there is no play
+        ahead = 0.5 * (getattr(s, measured) if measured else free_rate)
+        if measured:  # one trajectory with the position where there is no play
             free_rate += ahead
         rate = (arrives - position) / following + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
         return Applied(
             arrives,
             derivatives={"play_position": rate, "play_free": free_rate},
             initial={"play_position": value, "play_free": value},
-            inputs={"velocity": s.velocity + rate - free_rate} if "velocity" in s else {},
+            inputs={measured: getattr(s, measured) + rate - free_rate} if measured else {},
         )

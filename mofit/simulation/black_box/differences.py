@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,9 +28,20 @@ WIDE, LEAST, LARGEST = 1e-2, 1e-5, 2e-2
 #: Step where the simulator is not asked at all, and where it fails around the point.
 EXACT, FALLBACK = 1e-4, 1e-3
 _ORDER = 3
+#: Relative error of a forward difference from which a central one pays, where slopes are asked for and not a descent.
+FINE = 2e-3
 
 Respond = Callable[[FloatArray], FloatArray]
 """Parameter sets (K, np) to outputs (K, m), each relative to its range; nan where it fails."""
+
+
+class Step(NamedTuple):
+    """Of the differences by one parameter."""
+
+    size: float
+    """In its unit coordinate."""
+    error: float
+    """Expected relative error of a forward difference."""
 
 
 def moved(parameter: Parameter, values: FloatArray, step: float) -> FloatArray:
@@ -74,8 +86,8 @@ def noise_level(line: FloatArray) -> float:
 
 def find_steps(
     respond: Respond, space: ParameterSpace, p: FloatArray, names: Sequence[str], reaching: frozenset[str]
-) -> dict[str, float]:
-    """Steps of the named parameters in their unit coordinates, at one set p (np,) in the order of the space.
+) -> dict[str, Step]:
+    """Steps of the named parameters, at one set p (np,) in the order of the space.
 
     Parameters
     ----------
@@ -87,7 +99,7 @@ def find_steps(
         Whose steps are wanted, and which parameters change what the simulator sees: only those have noise.
     """
     wanted = [name for name in names if name in reaching]
-    steps = {name: EXACT for name in names if name not in reaching}
+    steps = {name: Step(EXACT, 0.0) for name in names if name not in reaching}
     if not wanted:
         return steps
     columns = [space.index(name) for name in wanted]
@@ -110,13 +122,16 @@ def find_steps(
         first, second = values[LINE + 2 * k], values[LINE + 2 * k + 1]
         a, b = offsets[k]
         bend = 2 * ((first - values[0]) / a - (second - values[0]) / b) / (a - b)
-        curvature = float(np.sqrt(np.mean(bend**2)))
-        steps[name] = _best(noise, curvature)
+        rate = slope(values[0], (first, second), (a, b))
+        curvature, size = (float(np.sqrt(np.mean(one**2))) for one in (bend, rate))
+        steps[name] = _best(noise, curvature, size)
     return steps
 
 
-def _best(noise: float, curvature: float) -> float:
-    """The step for noise and curvature relative to the range of the outputs."""
-    if not np.isfinite(noise) or not np.isfinite(curvature):
-        return FALLBACK
-    return float(np.clip(2 * np.sqrt(max(noise, 1e-16) / max(curvature, 1e-12)), LEAST, LARGEST))
+def _best(noise: float, curvature: float, size: float) -> Step:
+    """The step for noise, curvature and slope relative to the range of the outputs."""
+    if not np.isfinite([noise, curvature, size]).all():
+        return Step(FALLBACK, 1.0)
+    step = float(np.clip(2 * np.sqrt(max(noise, 1e-16) / max(curvature, 1e-12)), LEAST, LARGEST))
+    error = step * curvature / 2 + 2 * noise / step
+    return Step(step, error / max(size, np.finfo(float).tiny))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate
 
 import numpy as np
@@ -11,14 +11,17 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, Record
-from mofit.simulation.black_box.differences import find_steps, moved, nodes, slope
+from mofit.simulation.black_box.differences import FINE, Step, find_steps, moved, nodes, slope
 from mofit.simulation.black_box.evaluations import Call, Evaluations
 from mofit.simulation.black_box.filters import Filter
 from mofit.simulation.experiment import ExperimentData
-from mofit.simulation.time_grid import StepChoice
+from mofit.simulation.integrators import RK4
+from mofit.simulation.time_grid import StepChoice, StepLevel
 
 #: Most numbers of outputs that are in memory at once.
 _AT_ONCE = 2e7
+#: Runge-Kutta steps per sampling interval of the effects around a simulator.
+FILTER_STEPS = 4
 #: Tests on which steps of differences are found: the noise of a solver is its own, not the test's.
 _PROBED = 2
 
@@ -67,6 +70,13 @@ class BlackBoxEngine:
         """Outputs and their derivatives, by central differences, (N, n, ny, 1 + nf) per test."""
         return self._values(experiments, p, choices, derivatives, central=True)
 
+    def simulated(self, experiment: ExperimentData, p: FloatArray) -> FloatArray:
+        """What the simulator itself gives in a test at one set (np,), lead included, (lead + n, ny); nan: failed."""
+        choice = StepChoice.everywhere(StepLevel(RK4, FILTER_STEPS), 1)
+        (answer,) = self.evaluations.run(self._calls(experiment, p[None], choice))
+        lacking = np.full((experiment.samples, len(self.system.box.outputs)), np.nan)
+        return lacking if answer.outputs is None else answer.outputs
+
     def _parts(self, experiments: Sequence[ExperimentData], p: FloatArray, derivatives: bool) -> Iterator[slice]:
         """The sets in parts that fit into memory."""
         numbers = sum(e.samples for e in experiments) * len(self.system.outputs) * (1 + len(self.free) * derivatives)
@@ -102,7 +112,9 @@ class BlackBoxEngine:
         return self.evaluations.offers_slopes and self._before is self._behind is None
 
     def _with_own_slopes(self, experiments: Sequence[ExperimentData], sets: Sequence[FloatArray]) -> list[FloatArray]:
-        calls = [self._calls(experiment, own, None, self.free) for experiment, own in zip(experiments, sets, strict=True)]
+        calls = [
+            self._calls(experiment, own, None, self.free) for experiment, own in zip(experiments, sets, strict=True)
+        ]
         answers = self.evaluations.run([call for own in calls for call in own])
         ny, nf, result = len(self.system.outputs), len(self.free), []
         for experiment, own in zip(experiments, calls, strict=True):
@@ -122,40 +134,54 @@ class BlackBoxEngine:
         central: bool,
     ) -> list[FloatArray]:
         first = next((own[0] for own in sets if len(own)), None)
-        steps = {} if first is None else self._steps(experiments, first, choices)
-        space, size = self.system.space, 1 + 2 * len(self.free) if central else 1 + len(self.free)
-        columns = [space.index(name) for name in self.free]
-        grids, offsets = [], []
-        for own in sets:
-            grid = np.repeat(own[:, None], size, axis=1)
-            ways = np.empty((len(own), len(self.free), 2 if central else 1))
-            for row, values in enumerate(own):
-                for k, (name, column) in enumerate(zip(self.free, columns, strict=True)):
-                    one = space.parameters[column]
-                    ways[row, k] = nodes(one, values[column], steps[name], central)
-                    for place, offset in enumerate(ways[row, k]):
-                        at = 1 + k * ways.shape[2] + place
-                        grid[row, at, column] = moved(one, values[column], offset)
-            grids.append(grid.reshape(-1, grid.shape[-1]))
-            offsets.append(ways)
+        if first is None:
+            shape = (len(self.system.outputs), 1 + len(self.free))
+            return [np.empty((0, experiment.recorded, *shape)) for experiment in experiments]
+        steps = self._steps(experiments, first, choices)
+        around = [[self._around(values, steps, central) for values in own] for own in sets]
+        grids = [np.concatenate([grid for grid, _ in own] or [np.empty((0, len(first)))]) for own in around]
         found = self._respond(experiments, grids, choices)
-        result = []
-        for own, ways, flat in zip(sets, offsets, found, strict=True):
-            values = flat.reshape(len(own), size, *flat.shape[1:])
-            table = np.empty((len(own), *flat.shape[1:], 1 + len(self.free)))
-            table[..., 0] = values[:, 0]
-            rate = space.derivative(own)
-            for row in range(len(own)):
-                for k, column in enumerate(columns):
-                    beside = values[row, 1 + k * ways.shape[2] : 1 + (k + 1) * ways.shape[2]]
-                    unit = slope(values[row, 0], list(beside), ways[row, k].tolist())
-                    table[row, ..., 1 + k] = unit / rate[row, column]
-            result.append(table)
-        return result
+        rates = [self.system.space.derivative(own)[:, self._columns] for own in sets]
+        return [
+            np.stack([
+                self._table(values, offsets, rate)
+                for values, (_, offsets), rate in zip(np.split(flat, len(own)), near, beside, strict=True)
+            ])
+            if len(own)
+            else np.empty((0, *flat.shape[1:], 1 + len(self.free)))
+            for own, near, flat, beside in zip(sets, around, found, rates, strict=True)
+        ]  # fmt: skip
+
+    @property
+    def _columns(self) -> list[int]:
+        return [self.system.space.index(name) for name in self.free]
+
+    def _around(
+        self, values: FloatArray, steps: Mapping[str, Step], central: bool
+    ) -> tuple[FloatArray, list[tuple[float, ...]]]:
+        """The sets at and around one (np,), and their offsets by parameter."""
+        rows, offsets = [values], []
+        for name, column in zip(self.free, self._columns, strict=True):
+            one, step = self.system.space.parameters[column], steps[name]
+            offsets.append(nodes(one, values[column], step.size, central and step.error > FINE))
+            for offset in offsets[-1]:
+                rows.append(values.copy())
+                rows[-1][column] = moved(one, values[column], offset)
+        return np.array(rows), offsets
+
+    def _table(self, values: FloatArray, offsets: Sequence[tuple[float, ...]], rate: FloatArray) -> FloatArray:
+        """Outputs and slopes (n, ny, 1 + nf) from the outputs at the points around a set."""
+        table, start = np.empty((*values.shape[1:], 1 + len(self.free))), 1
+        table[..., 0] = values[0]
+        for k, own in enumerate(offsets):
+            with np.errstate(all="ignore"):
+                table[..., 1 + k] = slope(values[0], list(values[start : start + len(own)]), own) / rate[k]
+            start += len(own)
+        return table
 
     def _steps(
         self, experiments: Sequence[ExperimentData], p: FloatArray, choices: Sequence[StepChoice]
-    ) -> dict[str, float]:
+    ) -> Mapping[str, Step]:
         """Steps of all free parameters, found at the first point that is asked for."""
         known = self.evaluations.steps
         missing = [name for name in self.free if name not in known]
@@ -202,14 +228,19 @@ class BlackBoxEngine:
         names = [condition.name for condition in self.system.box.conditions]
         if self._before is None:
             known = {bytes(own): own for own in seen[:, count:]}
-            records = {key: self._record(experiment, None, dict(zip(names, own, strict=True))) for key, own in known.items()}
+            records = {
+                key: self._record(experiment, None, dict(zip(names, own, strict=True))) for key, own in known.items()
+            }
             return [Call(records[bytes(own[count:])], tuple(own[:count].tolist()), free) for own in seen]
         assert choice is not None
         idle = np.zeros((experiment.samples, len(self.system.box.outputs)))
         given = np.concatenate([experiment.inputs, idle], axis=1)
         inputs = self._before(experiment, [given] * len(sets), sets, choice.levels[0])
         return [
-            Call(self._record(experiment, own, dict(zip(names, row[count:].tolist(), strict=True))), tuple(row[:count].tolist()))
+            Call(
+                self._record(experiment, own, dict(zip(names, row[count:].tolist(), strict=True))),
+                tuple(row[:count].tolist()),
+            )
             for own, row in zip(inputs, seen, strict=True)
         ]
 
@@ -217,7 +248,7 @@ class BlackBoxEngine:
         """The test as the simulator sees it, with inputs as they are or filtered."""
         seen = experiment.inputs[:, self._seen] if inputs is None else inputs
         columns = {one.name: np.ascontiguousarray(seen[:, k]) for k, one in enumerate(self.system.box.inputs)}
-        time = np.arange(experiment.samples) * experiment.step
+        time = np.asarray(np.arange(experiment.samples) * experiment.step, dtype=float)
         return Record(experiment.name, time, columns, {name: float(value) for name, value in conditions.items()})
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mofit._typing import FloatArray
 from mofit.models import Model, Record, Simulator
 from mofit.models.effect import ExtendedModel
-from mofit.simulation.black_box.tasks import Evaluation, Executor, InProcess, Task, as_columns, checked
+from mofit.simulation.black_box.differences import Step
+from mofit.simulation.black_box.in_process import InProcess, OneOfMany, evaluate_many
+from mofit.simulation.evaluation import Evaluation, Executor, Task
 
 #: bytes of answers that are remembered
 _REMEMBERED = 1_000_000_000
@@ -33,20 +34,6 @@ class Call(NamedTuple):
         return self.record.digest + np.array(self.values).tobytes() + "/".join(self.free).encode()
 
 
-class OneOfMany:
-    """A function of many parameter sets, called with one."""
-
-    def __init__(self, function: Any) -> None:
-        self.function = function
-
-    def __call__(self, record: Record, parameters: Mapping[str, float]) -> Mapping[str, FloatArray] | FloatArray:
-        """The outputs of one set."""
-        found = self.function(record, {name: np.array([value]) for name, value in parameters.items()})
-        if isinstance(found, Mapping):
-            return {name: np.asarray(values)[0] for name, values in found.items()}
-        return np.asarray(np.asarray(found)[0])
-
-
 class Evaluations:
     """Answers calls of a simulator.
 
@@ -62,7 +49,8 @@ class Evaluations:
 
     def __init__(self, box: Simulator, limit: int | None = None, executor: Executor | None = None) -> None:
         self.box, self.limit = box, math.inf if limit is None else limit
-        self._executor = executor
+        self.executor = executor
+        """Runs them; None: this process."""
         self._known: OrderedDict[bytes, Evaluation] = OrderedDict()
         self._bytes = 0
         self.count = 0
@@ -73,7 +61,7 @@ class Evaluations:
         """Those of them that failed."""
         self.refused = 0
         """Simulations that were asked for beyond the limit."""
-        self.steps: dict[str, float] = {}
+        self.steps: dict[str, Step] = {}
         """Steps of differences by parameter, see `mofit.simulation.black_box.differences`."""
 
     @property
@@ -108,37 +96,30 @@ class Evaluations:
             self._bytes -= _size(oldest)
 
     def _answers(self, calls: Sequence[Call]) -> list[Evaluation]:
-        if self.box.many and self._executor is None:
+        if self.box.many and self.executor is None:
             return self._of_many(calls)
         outputs = tuple(channel.name for channel in self.box.outputs)
         function = OneOfMany(self.box.function) if self.box.many else self.box.function
         tasks = [Task(function, call.record, self._named(call.values), outputs, call.free) for call in calls]
-        return (self._executor or InProcess()).run(tasks) if tasks else []
+        return (self.executor or InProcess()).run(tasks) if tasks else []
 
     def _named(self, values: Sequence[Any]) -> dict[str, Any]:
         return {one.name: value for one, value in zip(self.box.parameters, values, strict=True)}
 
     def _of_many(self, calls: Sequence[Call]) -> list[Evaluation]:
         """Those of a record at a time."""
+        outputs = tuple(channel.name for channel in self.box.outputs)
         found: dict[int, Evaluation] = {}
         records: dict[bytes, list[int]] = {}
         for k, call in enumerate(calls):
             records.setdefault(call.record.digest, []).append(k)
         for places in records.values():
             record = calls[places[0]].record
-            parameters = self._named([np.array(column) for column in zip(*(calls[k].values for k in places), strict=True)])
-            found |= dict(zip(places, self._together(record, parameters, len(places)), strict=True))
+            parameters = self._named(
+                [np.array(column) for column in zip(*(calls[k].values for k in places), strict=True)]
+            )
+            found |= dict(zip(places, evaluate_many(self.box.function, record, parameters, outputs), strict=True))
         return [found[k] for k in range(len(calls))]
-
-    def _together(self, record: Record, parameters: Mapping[str, FloatArray], sets: int) -> list[Evaluation]:
-        names = [channel.name for channel in self.box.outputs]
-        try:
-            returned = self.box.function(record, parameters)
-            each = returned if isinstance(returned, Mapping) else {names[0]: returned}
-            rows = [{name: np.asarray(values)[k] for name, values in each.items()} for k in range(sets)]
-            return [checked(as_columns(row, names, len(record.time)), None, record) for row in rows]
-        except Exception as error:
-            return [Evaluation(None, failure=f"{type(error).__name__}: {error}")] * sets
 
 
 def _size(answer: Evaluation) -> int:

@@ -2,8 +2,8 @@ r"""A response surface: smooth functions of a few coordinates from values at sca
 
 .. math:: c(z) = \sum_{|\alpha| \le q} \beta_\alpha z^\alpha + g(z)
 
-with a polynomial of degree q fitted by least squares and, where that helps, a Gaussian process g through what it leaves.
-Degree and process are those of least leave-one-out error.
+with a polynomial of degree q fitted by least squares and, where that helps, a Gaussian process g through what it
+leaves. Degree and process are those of least leave-one-out error.
 """
 
 from __future__ import annotations
@@ -128,7 +128,9 @@ class Surface:
     def with_slopes(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values (N, M) and their derivatives (N, M, d)."""
         values = _monomials(z, self.exponents) @ self.beta
-        slopes = np.stack([_monomials(z, *_differentiated(self.exponents, k)) @ self.beta for k in range(z.shape[1])], -1)
+        slopes = np.stack(
+            [_monomials(z, *_differentiated(self.exponents, k)) @ self.beta for k in range(z.shape[1])], -1
+        )
         if self.process is None:
             return values, slopes
         mean, gradient = self.process.with_slopes(self._cube(z))

@@ -13,8 +13,8 @@ from scipy.stats import qmc
 from mofit._typing import FloatArray
 from mofit.data import bundled_campaign, read_campaign
 from mofit.identification.problem_setup import set_up_problem
+from mofit.identification.refinement import refined
 from mofit.identification.settings import Settings
-from mofit.identification.stages import refined
 from mofit.models import find_model
 from mofit.optimize import Minimum, merge, refine
 from mofit.problem import Problem
