@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from ball_fmu import ball_height, build_ball
 from oscillator_fmu import build, position
 
 from mofit.models import find_model
@@ -63,6 +64,34 @@ def test_held_inputs_are_half_a_communication_step_early(executor, tmp_path, ste
 def test_by_default_held_inputs_change_ten_times_per_sample(tmp_path):
     assert find_model(str(build(tmp_path, exchange=False))).function.mapping.steps == 10
     assert find_model(str(build(tmp_path, exchange=False, interpolates=True))).function.mapping.steps == 1
+
+
+def in_steps_of(size):
+    """A change of the description: the FMU takes no other communication step."""
+    variable = 'canHandleVariableCommunicationStepSize="true"'
+    return lambda text: text.replace(variable, f'fixedInternalStepSize="{size}"')
+
+
+def test_an_fmu_of_a_fixed_step_gets_that(executor, tmp_path):
+    fixed = find_model(str(build(tmp_path, version=3, exchange=False, change=in_steps_of(0.0025)))).function
+    free = find_model(f"{build(tmp_path, version=3, exchange=False)}:{mapped(tmp_path, 'steps = 4')}").function
+    one, other = (run(executor, function)[0].outputs for function in (fixed, free))
+    np.testing.assert_array_equal(one, other)
+    (odd,) = run(
+        executor, find_model(str(build(tmp_path, version=3, exchange=False, change=in_steps_of(0.003)))).function
+    )
+    assert odd.failure == "the sampling interval 0.01 s is no multiple of the FMU's fixed step 0.003 s"
+
+
+@pytest.mark.parametrize("restitution", [0.9, 0.75])
+def test_events_of_model_exchange_are_handled(executor, tmp_path, restitution):
+    model = find_model(str(build_ball(tmp_path)))
+    assert not hasattr(model.function, "sensitivities")
+    time = np.arange(151) / 100
+    record = Record("drop", time, {}, {})
+    values = {"g": 9.0, "e": restitution}
+    (found,) = executor.run([Task(model.function, record, values, ("height",))])
+    assert found.outputs[:, 0] == pytest.approx(ball_height(time, **values), abs=1e-5)
 
 
 def exact_slopes():

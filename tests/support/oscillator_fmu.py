@@ -74,29 +74,31 @@ EXCHANGE_3 = EXCHANGE.replace("Derivative=", "Derivatives=")
 def build(
     folder: Path, *defines: str, version=2, exchange: bool = True, interpolates: bool = False, change=str, extra=""
 ) -> Path:
-    """The FMU in a folder; ``change`` alters its description."""
+    """The FMU in a folder; ``change`` alters its description, ``extra`` is C code beside its own."""
+    told = 'canInterpolateInputs="true"' if interpolates else ""
+    text, part = {2: (DESCRIPTION, EXCHANGE), 3: (DESCRIPTION_3, EXCHANGE_3)}[version]
+    description = change(text.format(exchange=part if exchange else "", interpolates=told))
+    return pack(folder, SOURCES[version], description, version, [f"-D{name}" for name in defines], extra)
+
+
+def pack(folder: Path, source: Path, description: str, version=2, flags=(), extra="") -> Path:
+    """Compile a source and pack it with its description; the FMU is named after the source."""
     fmpy = pytest.importorskip("fmpy", reason="needs the extra 'fmu'")
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or fmpy.platform != "linux64":
         pytest.skip("needs a C compiler on 64-bit Linux")
-    library = folder / "oscillator.so"
     headers = Path(fmpy.__file__).parent / "c-code"
-    flags = [f"-D{name}" for name in defines]
     # FMPy asks for every function of the standard: those that the source lacks answer with an error
     names = re.findall(r"Export +fmi\w+TYPE +(\w+);", (headers / f"fmi{version}Functions.h").read_text())
-    rest = folder / "rest.c"
-    rest.write_text(extra + "".join(f"__attribute__((weak)) int {name}(void) {{ return 3; }}\n" for name in names))
-    subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O1", *flags, f"-I{headers}", SOURCES[version], rest, "-o", library, "-lm"],
-        check=True,
-    )
-    told = 'canInterpolateInputs="true"' if interpolates else ""
-    path = folder / "oscillator.fmu"
+    name, rest = source.stem.partition("_")[0], folder / "rest.c"
+    rest.write_text(extra + "".join(f"__attribute__((weak)) int {one}(void) {{ return 3; }}\n" for one in names))
+    library = folder / f"{name}.so"
+    command = [compiler, "-shared", "-fPIC", "-O1", *flags, f"-I{headers}", source, rest, "-o", library, "-lm"]
+    subprocess.run(command, check=True)
+    path = folder / f"{name}.fmu"
     with zipfile.ZipFile(path, "w") as archive:
-        text, part = {2: (DESCRIPTION, EXCHANGE), 3: (DESCRIPTION_3, EXCHANGE_3)}[version]
-        description = text.format(exchange=part if exchange else "", interpolates=told)
-        archive.writestr("modelDescription.xml", change(description))
-        archive.write(library, f"binaries/{FOLDERS[version]}/oscillator.so")
+        archive.writestr("modelDescription.xml", description)
+        archive.write(library, f"binaries/{FOLDERS[version]}/{name}.so")
     return path
 
 

@@ -17,10 +17,10 @@ def co_simulate(
 ) -> FloatArray:
     r"""Outputs (n, ny) in SI units at the samples of a record.
 
-    There are ``mapping.steps`` communication steps per sample. Inputs are linear between samples. An FMU that
-    interpolates (FMI 2, ``canInterpolateInputs``) gets value and slope at the beginning of each step. Any other one
-    holds an input during a step of length h: it gets the value at the end of the step, so that its output there is that
-    of the input there; inside, it sees the input h / 2 too early on average.
+    There are one or more communication steps per sample (`FmuMapping.steps_in`). Inputs are linear between samples. An
+    FMU that interpolates (FMI 2, ``canInterpolateInputs``) gets value and slope at the beginning of each step. Any
+    other one holds an input during a step of length h: it gets the value at the end of the step, so that its output
+    there is that of the input there; inside, it sees the input h / 2 too early on average.
 
     Raises
     ------
@@ -30,8 +30,10 @@ def co_simulate(
     three = description.fmiMajorVersion == 3
     setter, getter = (fmu.setFloat64, fmu.getFloat64) if three else (fmu.setReal, fmu.getReal)
     interpolates = not three and description.coSimulation.canInterpolateInputs
-    step = float(record.time[1] - record.time[0]) / mapping.steps if len(record.time) > 1 else 1.0
-    inputs, references = _inputs(mapping, record), [port.reference for port in mapping.inputs]
+    interval = float(record.time[-1]) / (len(record.time) - 1) if len(record.time) > 1 else 1.0
+    steps = mapping.steps_in(interval)
+    step = interval / steps
+    inputs, references = _inputs(mapping, record, steps), [port.reference for port in mapping.inputs]
     seen = [port.reference for port in mapping.outputs]
     found = np.empty((len(record.time), len(seen)))
 
@@ -47,8 +49,8 @@ def co_simulate(
         ended = fmu.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
         if three and (ended[1] or ended[2]):
             raise RuntimeError(f"the FMU ended the simulation at {ended[3]:g} s")
-        if (k + 1) % mapping.steps == 0:
-            found[(k + 1) // mapping.steps] = getter(seen)
+        if (k + 1) % steps == 0:
+            found[(k + 1) // steps] = getter(seen)
     fmu.terminate()
     return _in_si(found, mapping.outputs)
 
@@ -85,10 +87,10 @@ def constants(mapping: FmuMapping, record: Record, parameters: Mapping[str, floa
     return references, values
 
 
-def _inputs(mapping: FmuMapping, record: Record) -> FloatArray:
+def _inputs(mapping: FmuMapping, record: Record, steps: int) -> FloatArray:
     """Inputs at the communication points, (steps (n - 1) + 1, nu), in the FMU's units."""
     samples = np.arange(len(record.time))
-    points = np.arange(mapping.steps * (len(samples) - 1) + 1) / mapping.steps
+    points = np.arange(steps * (len(samples) - 1) + 1) / steps
     columns = [port.from_si(np.interp(points, samples, record.inputs[port.name])) for port in mapping.inputs]
     return np.stack(columns, axis=1) if columns else np.zeros((len(points), 0))
 

@@ -89,6 +89,7 @@ class _Builder:
             ports["parameters"],
             values,
             steps,
+            self.found.fixed_step if self.map.steps is None else None,
             self.map.tolerance,
         )
         function = fmu_function(self.found, mapping)
@@ -114,7 +115,7 @@ class _Builder:
     def _steps(self, interface: str) -> int:
         if interface != CO_SIMULATION or self.map.steps is not None:
             return self.map.steps or 1
-        return _STEPS if self.found.holds_inputs and self.found.fixed_step is None else 1
+        return _STEPS if self.found.holds_inputs else 1
 
     def _channels(
         self, causality: str, table: Mapping[str, str | ChannelEntry] | None

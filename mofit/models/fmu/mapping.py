@@ -8,7 +8,11 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from mofit.errors import InputError
 from mofit.runtime.toml import Strict, read_toml
+
+#: Relative rounding of a sampling interval.
+_ROUNDING = 1e-6
 
 
 class ChannelEntry(Strict):
@@ -87,4 +91,26 @@ class FmuMapping:
     values: tuple[tuple[str, int, float], ...] = field(default=())
     """Name, reference and value of parameters that are set once, in the FMU's units."""
     steps: int = 1
+    """Communication steps per sample."""
+    fixed_step: float | None = None
+    """The only communication step that the FMU takes, s; then ``steps`` follow from it."""
     tolerance: float = 1e-8
+
+    def steps_in(self, interval: float) -> int:
+        """Communication steps in a sampling interval, s.
+
+        Raises
+        ------
+        InputError
+            If the interval is no multiple of the only step that the FMU takes.
+        """
+        if self.fixed_step is None:
+            return self.steps
+        ratio = interval / self.fixed_step
+        steps = max(1, round(ratio))
+        if abs(ratio - steps) > _ROUNDING * steps:
+            message = (
+                f"the sampling interval {interval:g} s is no multiple of the FMU's fixed step {self.fixed_step:g} s"
+            )
+            raise InputError.of("FMU", message, "Resample the records, or export the FMU with another step")
+        return steps
