@@ -26,6 +26,9 @@ _LOADING = 120.0
 _DEATH_SIGNAL = 1
 
 
+# whether this is a child
+_child = False
+
 #: keys of the objects that a call takes, and the pickled function and its other arguments
 _Call: TypeAlias = tuple[tuple[str, ...], bytes]
 
@@ -145,7 +148,14 @@ def _forked(parent: Connection[Any, Any]) -> _Child:
     return _Child(pid, mine)
 
 
+def in_child() -> bool:
+    """Whether this is a process that may crash."""
+    return _child
+
+
 def _begin(supervisor: int) -> None:
+    global _child
+    _child = True
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.setpgid(0, 0)
     if sys.platform == "linux":  # elsewhere a child ends with its next answer

@@ -1,5 +1,6 @@
 """FMUs against exact solutions: model exchange, co-simulation, sensitivities, resets, and those that misbehave."""
 
+import os
 import pickle
 
 import numpy as np
@@ -134,6 +135,20 @@ def test_a_hostile_fmu_costs_the_evaluations_it_spoils(tmp_path):
     told = [one.failure for one in found]
     assert told == [None, "crashed (signal 11)", "no answer within 2 s", "nan at 0.31 s", None]
     np.testing.assert_array_equal(found[0].outputs, found[4].outputs)
+
+
+def test_a_call_here_runs_in_another_process(tmp_path):
+    trap = tmp_path / "loaded"
+    code = "#include <stdio.h>\n#include <unistd.h>\n__attribute__((constructor)) static void load(void)"
+    writes = f'{{ FILE *f = fopen("{trap}", "w"); fprintf(f, "%d", getpid()); fclose(f); }}'
+    function = find_model(str(build(tmp_path, extra=f"{code} {writes}\n"))).function
+    assert function(RECORD, VALUES)["position"] == pytest.approx(EXACT, abs=2e-6)
+    assert int(trap.read_text()) != os.getpid()
+    with pytest.raises(RuntimeError, match=r"the FMU failed: crashed \(signal 11\)"):
+        function(RECORD, {**VALUES, "k": 666.0})
+    outputs, slopes = function.sensitivities(RECORD, VALUES, ("k",))
+    assert outputs[:, 0] == pytest.approx(EXACT, abs=2e-6)
+    assert slopes[:, 0, 0] == pytest.approx(exact_slopes()[:, 0], abs=1e-6)
 
 
 def test_units_of_the_fmu_become_si(executor, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import tempfile
+import weakref
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
@@ -19,16 +20,23 @@ from mofit.models.fmu.description import CO_SIMULATION, FmuDescription, fmpy_for
 from mofit.models.fmu.mapping import FmuMapping
 from mofit.models.fmu.model_exchange import exchange
 from mofit.models.fmu.sensitivities import sensitivities
+from mofit.models.simulator_call import Response, call_simulator
+from mofit.runtime.isolated import Call, IsolatedProcess
+from mofit.runtime.isolated_server import in_child
+from mofit.runtime.sending import sendable
 
 #: Samples that a reset instance must repeat before resets are trusted, and how well.
 _REPEATED, _ALIKE = 20, 1e-6
+#: Seconds that a simulation may take in the function's own process.
+_PATIENCE = 60.0
 
 
 class FmuFunction:
     """``function(record, parameters)``: outputs of an FMU over time, by name. It pickles without its instance.
 
-    The instance is kept and reset between calls, if a reset makes the FMU repeat itself; one that it does not is made
-    anew. An FMU is native code: call this in a process that may crash (`mofit.simulation.evaluation`).
+    An FMU is native code: it is loaded by a process that may crash (`mofit.runtime.isolated`). Where this is not one,
+    the function has one of its own. The instance is kept and reset between calls if a reset makes the FMU repeat
+    itself; of one that it does not, each call takes a new instance.
 
     Parameters
     ----------
@@ -47,21 +55,47 @@ class FmuFunction:
         self.path, self.mapping = path.resolve(), mapping
         self.fingerprint = sha256(path.read_bytes() + repr(mapping).encode()).hexdigest()
         self._instance: Instance | None = None
+        self._process: IsolatedProcess | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the instance, which belongs to its process."""
-        return {**vars(self), "_instance": None}
+        """Without what belongs to this process."""
+        return {**vars(self), "_instance": None, "_process": None}
 
     def __call__(self, record: Record, parameters: Mapping[str, float]) -> dict[str, FloatArray]:
-        """Outputs by name, (n,) each, in SI units."""
-        values = self.simulated(record, parameters)
+        """Outputs by name, (n,) each, in SI units.
+
+        Raises
+        ------
+        RuntimeError
+            If the FMU crashes, hangs, or answers nan.
+        """
+        values = (
+            self._here().simulated(record, parameters) if in_child() else self._elsewhere(record, parameters).outputs
+        )
+        assert values is not None
         return {port.name: values[:, k] for k, port in enumerate(self.mapping.outputs)}
 
-    def simulated(self, record: Record, parameters: Mapping[str, float]) -> FloatArray:
-        """Outputs side by side, (n, ny), in SI units."""
+    def _here(self) -> Instance:
         if self._instance is None:
             self._instance = Instance(self.path, self.mapping, self.fingerprint)
-        return self._instance.simulated(record, parameters)
+        return self._instance
+
+    def _elsewhere(self, record: Record, parameters: Mapping[str, float], free: tuple[str, ...] = ()) -> Response:
+        """What the function's own process answers."""
+        if self._process is None:
+            self._process = IsolatedProcess((call_simulator.__module__,))
+            weakref.finalize(self, self._process.close)
+        outputs = tuple(port.name for port in self.mapping.outputs)
+        call = Call(
+            call_simulator,
+            (sendable(self, f"FMU '{self.path}'"), sendable(record, f"test '{record.name}'")),
+            (dict(parameters), outputs, free),
+        )
+        (answer,) = self._process.answers([call], _PATIENCE)
+        response = Response(None, None, answer.failure) if answer.failure else Response(*answer.value)
+        if response.outputs is None:
+            raise RuntimeError(f"the FMU failed: {response.failure}")
+        return response
 
 
 class DerivingFmuFunction(FmuFunction):
@@ -69,11 +103,19 @@ class DerivingFmuFunction(FmuFunction):
 
     def sensitivities(
         self, record: Record, parameters: Mapping[str, float], free: tuple[str, ...]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Outputs (n, ny) and their derivatives (n, ny, nf) by free parameters."""
-        if self._instance is None:
-            self._instance = Instance(self.path, self.mapping, self.fingerprint)
-        return self._instance.sensitivities(record, parameters, free)
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Outputs (n, ny) and their derivatives (n, ny, nf) by free parameters, in SI units.
+
+        Raises
+        ------
+        RuntimeError
+            If the FMU crashes, hangs, or answers nan.
+        """
+        if in_child():
+            return self._here().sensitivities(record, parameters, free)
+        response = self._elsewhere(record, parameters, free)
+        assert response.outputs is not None
+        return response.outputs, response.slopes
 
 
 def fmu_function(found: FmuDescription, mapping: FmuMapping) -> FmuFunction:
