@@ -11,16 +11,17 @@ from mofit._typing import FloatArray
 from mofit.models.black_box import Record
 from mofit.models.fmu.mapping import FmuMapping, Port
 
+#: Share of a communication step that its last part takes.
+_LAST = 1e-3
+
 
 def co_simulate(
     fmu: Any, description: Any, folder: str, mapping: FmuMapping, record: Record, parameters: Mapping[str, float]
 ) -> FloatArray:
     r"""Outputs (n, ny) in SI units at the samples of a record.
 
-    There are one or more communication steps per sample (`FmuMapping.steps_in`). Inputs are linear between samples. An
-    FMU that interpolates (FMI 2, ``canInterpolateInputs``) gets value and slope at the beginning of each step. Any
-    other one holds an input during a step of length h: it gets the value at the end of the step, so that its output
-    there is that of the input there; inside, it sees the input h / 2 too early on average.
+    Inputs are linear between samples. Each sampling interval takes one or more communication steps
+    (`FmuMapping.steps_in`); see `_schedule` for what the FMU is told of its inputs in each.
 
     Raises
     ------
@@ -31,26 +32,25 @@ def co_simulate(
     setter, getter = (fmu.setFloat64, fmu.getFloat64) if three else (fmu.setReal, fmu.getReal)
     interpolates = not three and description.coSimulation.canInterpolateInputs
     interval = float(record.time[-1]) / (len(record.time) - 1) if len(record.time) > 1 else 1.0
-    steps = mapping.steps_in(interval)
-    step = interval / steps
-    inputs, references = _inputs(mapping, record, steps), [port.reference for port in mapping.inputs]
+    schedule = _schedule(mapping.steps_in(interval), interpolates, mapping.fixed_step is not None)
+    inputs, references = _inputs(mapping, record), [port.reference for port in mapping.inputs]
     seen = [port.reference for port in mapping.outputs]
     found = np.empty((len(record.time), len(seen)))
 
     _initialise(fmu, three, mapping, record, parameters, setter, inputs[0].tolist())
     found[0] = getter(seen)
-    for k in range(len(inputs) - 1):
-        if references and interpolates:
-            setter(references, inputs[k].tolist())
-            slopes = ((inputs[k + 1] - inputs[k]) / step).tolist()
-            fmu.setRealInputDerivatives(references, [1] * len(references), slopes)
-        elif references:
-            setter(references, inputs[k + 1].tolist())
-        ended = fmu.doStep(currentCommunicationPoint=k * step, communicationStepSize=step)
-        if three and (ended[1] or ended[2]):
-            raise RuntimeError(f"the FMU ended the simulation at {ended[3]:g} s")
-        if (k + 1) % steps == 0:
-            found[(k + 1) // steps] = getter(seen)
+    for k, (value, change) in enumerate(zip(inputs, np.diff(inputs, axis=0), strict=False)):
+        for begin, length, place in schedule:
+            if references:
+                setter(references, (value + place * change).tolist())
+            if references and interpolates:
+                fmu.setRealInputDerivatives(references, [1] * len(references), (change / interval).tolist())
+            ended = fmu.doStep(
+                currentCommunicationPoint=(k + begin) * interval, communicationStepSize=length * interval
+            )
+            if three and (ended[1] or ended[2]):
+                raise RuntimeError(f"the FMU ended the simulation at {ended[3]:g} s")
+        found[k + 1] = getter(seen)
     fmu.terminate()
     return _in_si(found, mapping.outputs)
 
@@ -87,12 +87,28 @@ def constants(mapping: FmuMapping, record: Record, parameters: Mapping[str, floa
     return references, values
 
 
-def _inputs(mapping: FmuMapping, record: Record, steps: int) -> FloatArray:
-    """Inputs at the communication points, (steps (n - 1) + 1, nu), in the FMU's units."""
-    samples = np.arange(len(record.time))
-    points = np.arange(steps * (len(samples) - 1) + 1) / steps
-    columns = [port.from_si(np.interp(points, samples, record.inputs[port.name])) for port in mapping.inputs]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(points), 0))
+def _schedule(steps: int, interpolates: bool, fixed: bool) -> list[tuple[float, float, float]]:
+    """Begin and length of each communication step, and where its input is taken, as shares of a sampling interval.
+
+    - An FMU that interpolates (FMI 2, ``canInterpolateInputs``) takes the input at the beginning, with its slope.
+    - Any other one holds the input during the step: it takes that of the middle, which is right to second order. A last
+      step, a thousandth as long, takes the input at the sample, so that an output that follows it at once is exact.
+    - One with a fixed step takes the input at the end: such an output is exact, the rest half a step early.
+    """
+    whole = [(j / steps, 1 / steps) for j in range(steps)]
+    if interpolates:
+        return [(begin, length, begin) for begin, length in whole]
+    if fixed:
+        return [(begin, length, begin + length) for begin, length in whole]
+    held = [(begin, length, begin + length / 2) for begin, length in whole]
+    begin, length, middle = held.pop()
+    return [*held, (begin, (1 - _LAST) * length, middle), (1 - _LAST * length, _LAST * length, 1.0)]
+
+
+def _inputs(mapping: FmuMapping, record: Record) -> FloatArray:
+    """Inputs at the samples, (n, nu), in the FMU's units."""
+    columns = [port.from_si(record.inputs[port.name]) for port in mapping.inputs]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(record.time), 0))
 
 
 def _in_si(found: FloatArray, ports: tuple[Port, ...]) -> FloatArray:
