@@ -55,21 +55,68 @@ def place(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_an_fmu_is_identified_and_predicts(place, capsys):
-    options = ["--model", "oscillator.fmu", "--map", "map.toml", "--free", "k,d", "--json"]
-    code = main(["identify", "rig.nc", *options, "--out", "run", "--simulations", "1500"])
-    found = json.loads(capsys.readouterr().out)
-    assert code == 0, found["warnings"]
-    (mode,) = found["modes"]
-    assert set(mode["parameters"]) == {"k", "d"}
-    expected = standard_deviations()
-    for name, entry in mode["parameters"].items():
-        assert abs(entry["mean"] - TRUTH[name]) < 4 * entry["sd"]
-        assert entry["sd"] == pytest.approx(expected[name], rel=0.2)
+    options = ["--model", "oscillator.fmu", "--map", "map.toml", "--free", "k,d"]
+    found, _ = identified(capsys, "run", *options)
+    assert set(found) == {"k", "d"}
+    for name, sd in standard_deviations().items():
+        assert abs(found[name]["mean"] - TRUTH[name]) < 4 * sd
+        assert found[name]["sd"] == pytest.approx(sd, rel=0.2)
     write_campaign(campaign(seed=1), place / "again.nc")
-    assert main(["predict", "run", "again.nc", *options]) == 0
+    assert main(["predict", "run", "again.nc", "--json", *options]) == 0
     told = json.loads(capsys.readouterr().out)
     assert len(told["tests"]) == 2
     assert all(row["rms"] == pytest.approx(NOISE, rel=0.2) for row in told["tests"])  # nothing but the noise is left
+
+
+EQUATIONS = """
+from mofit.models import Channel, Equations, Model
+from mofit.parameters import Parameter
+
+
+class Oscillator(Model):
+    name = "oscillator"
+    parameters = (Parameter("k", "N/m", 40, 4000, 400, "log"), Parameter("d", "N s/m", 0.4, 40, 4, "log"))
+    states = (Channel("x", "m"), Channel("v", "m/s"))
+    inputs = (Channel("pull", "N"),)
+    outputs = (Channel("displacement", "m"),)
+
+    def equations(self, s):
+        rates = {"x": s.v, "v": s.pull - s.d * s.v - s.k * s.x}
+        return Equations(outputs={"displacement": s.x}, derivatives=rates)
+"""
+
+
+def identified(capsys, out, *options):
+    code = main(["identify", "rig.nc", "--json", "--out", out, *options])
+    told = capsys.readouterr()
+    assert code == 0, told
+    found = json.loads(told.out)
+    (mode,) = found["modes"]
+    return mode["parameters"], found
+
+
+@pytest.mark.slow
+def test_the_posterior_is_that_of_the_equations(place, capsys):
+    (place / "equations.py").write_text(EQUATIONS)
+    (place / "stepped.toml").write_text(f"interface = 'co-simulation'{MAP}")
+    exact, _ = identified(capsys, "exact", "--model", "equations.py")
+    for name in ("map.toml", "stepped.toml"):
+        options = ("--model", "oscillator.fmu", "--map", name, "--free", "k,d")
+        found, _ = identified(capsys, f"run of {name}", *options)
+        for parameter, entry in exact.items():
+            assert found[parameter]["mean"] == pytest.approx(entry["mean"], abs=0.05 * entry["sd"])
+            assert found[parameter]["sd"] == pytest.approx(entry["sd"], rel=0.03)
+
+
+@pytest.mark.slow
+def test_a_run_with_a_hostile_fmu_ends_right(place, capsys):
+    build(place, "HOSTILE", exchange=False)
+    options = ("--model", "oscillator.fmu", "--map", "map.toml", "--free", "k,d", "--timeout", "1s", "--jobs", "2")
+    found, told = identified(capsys, "hostile", *options)
+    assert told["simulations"]["failed"] > 0
+    for name, sd in standard_deviations().items():
+        assert abs(found[name]["mean"] - TRUTH[name]) < 4 * sd
+        assert found[name]["sd"] == pytest.approx(sd, rel=0.2)
 
 
 @pytest.mark.parametrize(

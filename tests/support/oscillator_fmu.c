@@ -1,6 +1,6 @@
 /* m x'' + d x' + k x = F with x(0) = x_0, for FMI 2.0: model exchange with directional derivatives, and co-simulation.
 
-   Some stiffnesses are traps: 666 crashes, 667 hangs, 668 answers nan. WITHOUT_PARAMETERS lacks directional derivatives
+   Some stiffnesses are traps: 666 crashes, 667 hangs, 668 answers nan (HOSTILE: whole ranges). WITHOUT_PARAMETERS lacks directional derivatives
    by parameters; FORGETFUL keeps a state over a reset. */
 #include "fmi2Functions.h"
 #include "oscillator_core.h"
