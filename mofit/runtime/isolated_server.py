@@ -71,7 +71,8 @@ def serve(handle: int, preload: Sequence[str]) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     for name in preload:
-        import_module(name)
+        with suppress(ImportError):  # a child that needs it tells
+            import_module(name)
     with suppress(EOFError, OSError), TemporaryDirectory(prefix="mofit-") as folder:
         # what children unpack on disk is there for those that replace them, and goes with this process
         os.environ["TMPDIR"] = tempfile.tempdir = folder

@@ -51,6 +51,9 @@ class FmuFunction:
         Changes with the content of the file and with the mapping.
     """
 
+    #: imported once for all children of a process: FMPy takes longer to import than a child to fork
+    preload = ("fmpy.simulation", "fmpy.fmi2", "fmpy.fmi3", "lxml.etree", __name__)
+
     def __init__(self, path: Path, mapping: FmuMapping) -> None:
         self.path, self.mapping = path.resolve(), mapping
         self.fingerprint = sha256(path.read_bytes() + repr(mapping).encode()).hexdigest()
@@ -83,7 +86,7 @@ class FmuFunction:
     def _elsewhere(self, record: Record, parameters: Mapping[str, float], free: tuple[str, ...] = ()) -> Response:
         """What the function's own process answers."""
         if self._process is None:
-            self._process = IsolatedProcess((call_simulator.__module__,))
+            self._process = IsolatedProcess((call_simulator.__module__, *self.preload))
             weakref.finalize(self, self._process.close)
         outputs = tuple(port.name for port in self.mapping.outputs)
         call = Call(
