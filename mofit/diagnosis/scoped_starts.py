@@ -1,4 +1,4 @@
-"""Starts of what an effect has per test: angles and the like, found test by test on a grid."""
+"""Starts of what model and effects have per test: the best values there, angles and the like on a grid."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.models import Effect
+from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Values tried of a scoped parameter over its range, which may hold an angle three times: 45° apart.
 _VALUES = 25
@@ -34,3 +35,19 @@ def with_best_values(model: Hypothesis, start: FloatArray, effect: Effect) -> Fl
             total = squares[:, here].sum(axis=1)
             found[coordinate] = values[np.argmax(total <= total.min() * (1 + 1e-9))]
     return found
+
+
+def with_scoped(model: Hypothesis, starts: FloatArray) -> FloatArray:
+    """Starts (k, s) of the model's parameters of the campaign, with the best values there of the others: (k, d)."""
+    problem, layout = model.observed.problem, model.layout
+    if not isinstance(problem.simulator, ScopedSimulator):
+        return starts
+    names = list(layout.names)
+    values = problem.simulator.best(problem.layout.full(starts)).values
+    columns = [names.index(name) for name in layout.parameters.names]
+    units = layout.parameters.to_unit(values[..., columns])
+    found = np.zeros((len(starts), len(layout.space)))
+    for test, place in enumerate(layout.place):
+        found[:, place] = units[:, test]
+    found[:, : starts.shape[1]] = starts
+    return np.clip(found, 0.0, 1.0)
