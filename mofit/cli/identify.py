@@ -200,7 +200,7 @@ def diagnose(
         print_json({**found, "folder": str(folder)})
     else:
         show_diagnosis(found, folder)
-    return DONE
+    return DONE if found["complete"] else NOT_CONVERGED
 
 
 @app.command

@@ -26,7 +26,7 @@ from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.identification.allowance import simulations_told
+from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
 from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
@@ -123,6 +123,9 @@ def _diagnosed(
     proposed = _proposed(first, case, ending, settings.seed, progress)
     if isinstance(proposed, Proposal):
         conclusion = replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}")
+    complete = all_simulated(observed.problem)
+    if not complete:
+        conclusion = replace(conclusion, sentence=f"{SIMULATIONS_SPENT} {conclusion.sentence}")
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
     return Diagnosis(
@@ -150,6 +153,7 @@ def _diagnosed(
             *_at_most(found, rules),
             *_of_tests(found, ending.shrinkage),
         ),
+        complete=complete,
         seconds=time.process_time() - began,
         page=_page,
     )
