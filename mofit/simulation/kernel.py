@@ -11,10 +11,10 @@ from mofit._typing import FloatArray
 from mofit.models import System
 from mofit.simulation.compiler.evaluate import evaluate
 from mofit.simulation.compiler.loop import FIXED, Shape, compile_loop
-from mofit.simulation.compiler.machine import Code
-from mofit.simulation.compiler.program import LANE, Split, contract, trace
+from mofit.simulation.compiler.machine import Code, kept
+from mofit.simulation.compiler.program import LANE, Program, Split, contract, trace
 from mofit.simulation.experiment import ExperimentData
-from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
+from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
 from mofit.simulation.time_grid import StepLevel, TimeGrid, build_time_grid, find_switches
 
 _RATE = list(GRAPH_INPUTS).index("input_rate")
@@ -31,6 +31,17 @@ class Table:
         self.nbytes = sum(array.nbytes for array in arrays)
         #: whether some sampling interval takes more than one step
         self.refined = arrays[-1].size > 0
+
+
+def _program(system: System, scheme: Scheme, free: Sequence[str], derivatives: bool) -> Program:
+    """The graph as a program, from the cache where it is kept: building it takes far longer than reading it."""
+    order = tuple(free_first(system.parameters, free))
+    what = ("program", system.hash(), scheme.digest, order, len(free), derivatives)
+
+    def made() -> bytes:
+        return contract(trace(build_graph(system, scheme, free, derivatives)), tuple(GRAPH_INPUTS.values())).serialized
+
+    return Program.deserialized(kept(what, made))
 
 
 class Kernel:
@@ -51,8 +62,7 @@ class Kernel:
     ) -> None:
         self.system, self.scheme, self.reduce, self.fixed_per_lane = system, scheme, reduce, fixed_per_lane
         self.shape = Shape(len(system.states), len(system.outputs), len(free), derivatives)
-        levels = tuple(GRAPH_INPUTS.values())
-        program = contract(trace(build_graph(system, scheme, free, derivatives)), levels)
+        levels, program = tuple(GRAPH_INPUTS.values()), _program(system, scheme, free, derivatives)
         if fixed_per_lane:
             levels = tuple(LANE if index == FIXED else level for index, level in enumerate(levels))
         self.sample = Split(program, levels, (0, 1, 2))
