@@ -19,7 +19,7 @@ from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
 from mofit.identification.stages import search
-from mofit.identification.steady_start import leads_said, led_in
+from mofit.identification.steady_start import leads_said, led_in, steady_from_start
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings
@@ -217,7 +217,9 @@ def baseline_in_wide_ranges(
     observed, starts = _started(setup, cache)
     found, notes = fit_baseline(observed, starts, settings.seed), list[str]()
     point = found.minimum.point[: len(observed.problem.space)]
-    if led := led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point)):
+    # the noise there costs more than all that follows where no test asks for it
+    steady = steady_from_start(setup.posterior.main)
+    if steady and (led := led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point))):
         notes += leads_said(setup, led[0])
         setup, point = led
         found = fit_baseline(_whitened(setup, cache), point, settings.seed)
