@@ -65,18 +65,35 @@ def ready_beside(prepare: Callable[[], None]) -> Iterator[Start]:
         yield start
 
 
-def forked_map(function: Callable[[S], T], items: Sequence[S], processes: int, first: Sequence[S] = ()) -> list[T]:
+def forked_map(
+    function: Callable[[S], T],
+    items: Sequence[S],
+    processes: int,
+    first: Sequence[S] = (),
+    tell: Callable[[int], None] = lambda number: None,
+) -> list[T]:
     """``[function(item) for item in items]``, computed by forked processes where that is possible.
 
     What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
-    so that the processes end together.
+    so that the processes end together. ``tell`` hears the number of every item whose result is awaited.
     """
+
+    def awaited(number: int, answer: Callable[[], T]) -> T:
+        tell(number)
+        return answer()
+
+    processes = min(processes, len(items))
     if processes < 2 or not may_fork():
-        return [function(item) for item in items]
+        return [awaited(number, partial(function, item)) for number, item in enumerate(items)]
     with _forked(processes, _remember, lambda number: function(items[number])) as pool:
-        order = sorted(range(len(items)), key=lambda number: items[number] not in first)
+        order = sorted(range(len(items)), key=lambda number: not first or items[number] not in first)
         answers = {number: _answer(pool, partial(function, items[number]), _compute, number) for number in order}
-        return [answers[number]() for number in range(len(items))]
+        return [awaited(number, answers[number]) for number in range(len(items))]
+
+
+def processor_time() -> float:
+    """Seconds of the processor that this process has taken, and those that it waited for."""
+    return sum(os.times()[:4])
 
 
 def _answer(

@@ -138,7 +138,7 @@ def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, Flo
             # many points at a time: a call takes longer than its points
             cut = low + shares * (high - low)
             inner = sides(cut[1:-1].ravel()).reshape(len(look), _PARTS - 1, len(at))
-            past = inner[which, :, column].T != look[which, at]
+            past = look[which, at] != inner[which, :, column].T
             place = np.where(past.any(axis=0), past.argmax(axis=0), _PARTS - 1)
             low, high = cut[place, column], np.append(cut[1:-1], high[None], axis=0)[place, column]
         within = np.flatnonzero(np.any(look == 0, axis=0))

@@ -59,7 +59,7 @@ class Program:
     @classmethod
     def deserialized(cls, content: bytes) -> Program:
         """The program from its bytes."""
-        nodes, outputs = marshal.loads(content)  # noqa: S302 - from the cache, which holds machine code as well
+        nodes, outputs = marshal.loads(content)
         return cls(tuple(Node(*node) for node in nodes), outputs)
 
     @cached_property
