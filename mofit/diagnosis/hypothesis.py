@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps
+from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps, within
 from mofit.diagnosis.scoped_layout import ScopedLayout, labels_of
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
@@ -142,7 +142,7 @@ class Hypothesis:
         """Residual and Jacobian at points u (K, d)."""
         slope = np.nan_to_num(self.space.derivative(self.space.from_unit(u)))
         joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in self.outputs(u)]
-        bad = np.any([~(np.abs(test) < DIVERGED).all(axis=(1, 2, 3)) for test in joined], axis=0)
+        bad = np.any([~within(test, DIVERGED, (1, 2, 3)) for test in joined], axis=0)
         for test in joined:
             test[bad] = 0.0
         white = self.observed.whitened(joined)

@@ -48,7 +48,13 @@ class SimulatorCache:
 
 def stable(values: FloatArray, axis: tuple[int, ...] | None = None) -> NDArray[np.bool_]:
     """Whether no value, of all or along some axes, comes from an unstable integration."""
-    return np.asarray((np.abs(values) < _UNSTABLE).all(axis=axis))
+    return within(values, _UNSTABLE, axis)
+
+
+def within(values: FloatArray, limit: float, axis: tuple[int, ...] | None = None) -> NDArray[np.bool_]:
+    """Whether all values, or those along some axes, are below a limit in size; nan is not."""
+    highest, lowest = np.max(values, axis=axis, initial=0.0), np.min(values, axis=axis, initial=0.0)
+    return np.asarray((highest < limit) & (lowest > -limit))
 
 
 def clipped(values: FloatArray) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
 from mofit.simulation.time_grid import StepLevel, TimeGrid, build_time_grid, find_switches
 
-_RATE = list(GRAPH_INPUTS).index("input_rate")
 #: steps whose part of a table is made at once
 _PART = 20_000
 
@@ -122,15 +122,18 @@ class Kernel:
     ) -> FloatArray:
         """Values of the table, one per column, for some of the steps."""
         count, length = len(start), end - start
-        points = {
-            # values of a lane: never read
-            "free": np.empty((0, count)),
-            "state": np.empty((0, count)),
-            "input": np.concatenate(
+
+        def everywhere(name: str) -> FloatArray:
+            return np.broadcast_to(shared[name][:, None], (len(shared[name]), count))
+
+        # values of a lane, "free" and "state", are never read
+        points: dict[str, Callable[[], FloatArray]] = {
+            "input": lambda: np.concatenate(
                 [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
             ),
-            "input_rate": experiment.derivative(start) if _RATE in split.table.inputs else np.empty((0, count)),
-            "h": length[None],
-            **{name: np.broadcast_to(values[:, None], (len(values), count)) for name, values in shared.items()},
+            "input_rate": lambda: experiment.derivative(start),
+            **{name: partial(everywhere, name) for name in shared},
+            "h": lambda: length[None],
         }
-        return evaluate(split.table, [points[name] for name in GRAPH_INPUTS])
+        read, none = split.table.inputs, np.empty((0, count))
+        return evaluate(split.table, [points[name]() if i in read else none for i, name in enumerate(GRAPH_INPUTS)])
