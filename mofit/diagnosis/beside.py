@@ -24,6 +24,9 @@ from mofit.runtime.parallel import forked_map
 from mofit.runtime.progress import Progress
 from mofit.simulation.ranges import with_parameters
 
+#: Most processes: each needs memory of its own, and few refits take long.
+_MOST = 8
+
 
 @dataclass(frozen=True)
 class _Sent:
@@ -47,6 +50,10 @@ class _Sent:
         return Discrepancy(own, self.point, self.around, self.shift, self.sensitivity)
 
 
+def _processes(fitted: Fitted) -> int:
+    return min(fitted.hypothesis.observed.simulators.jobs, _MOST)
+
+
 def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> list[Candidate]:
     """What every effect adds to the fitted model, see `mofit.diagnosis.candidates.prepare`."""
 
@@ -57,7 +64,7 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
     def tell(number: int) -> None:
         progress("score test", number, len(effects), effects[number].name)
 
-    found = forked_map(sent, effects, fitted.hypothesis.observed.simulators.jobs, tell=tell)
+    found = forked_map(sent, effects, _processes(fitted), tell=tell)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
@@ -81,7 +88,7 @@ def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress:
         progress("refit", number, len(added), " + ".join([*present, added[number].name]))
 
     models = list[Fitted | str]()
-    for one, found in zip(added, forked_map(sent, added, old.observed.simulators.jobs, tell=tell), strict=True):
+    for one, found in zip(added, forked_map(sent, added, _processes(fitted), tell=tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue
