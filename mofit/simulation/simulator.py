@@ -21,10 +21,10 @@ from mofit.simulation.step_probing import StepProbe
 from mofit.simulation.step_selection import Box, StepRule, StepSelection
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
-#: Results of single sets that are remembered, and the largest that are: bytes.
-_RECENT, _RECENT_BYTES = 4, 1e7
-#: Tests, steps and set, with the outputs and slopes of every test; the longest unused first.
-_Recent = OrderedDict[tuple[tuple[ExperimentData, ...], int, bytes], list[FloatArray]]
+#: Bytes of results that are remembered.
+_RECENT_BYTES = 3e7
+#: Tests, steps and sets, with the outputs and slopes of every test; the longest unused first.
+_Recent = OrderedDict[tuple[tuple[ExperimentData, ...], int, tuple[int, ...], bytes], list[FloatArray]]
 
 
 class Simulator:
@@ -158,25 +158,24 @@ class Simulator:
     def sensitivities(self, p: ArrayLike) -> list[tuple[FloatArray, FloatArray]]:
         """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test.
 
-        With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np). Results of a single set are
-        not to be changed: the last ones are given again.
+        With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np). Then results are not to be
+        changed: the last ones are given again.
         """
         return [(values[..., 0], values[..., 1:]) for values in self._slopes(self._checked(p))]
 
     def _slopes(self, p: FloatArray) -> list[FloatArray]:
-        """Outputs and slopes of checked sets; where a minimum is judged, it is asked for again and again."""
-        if len(p) > 1 or not self.steps:
+        """Outputs and slopes of checked sets; where a minimum is judged, they are asked for again and again."""
+        if not self.steps:
             return self._stored(p, derivatives=True)
-        key = (self.experiments, self.steps, p.tobytes())
+        key = (self.experiments, self.steps, p.shape, p.tobytes())
         found = self._recent.pop(key, None)
         if found is None:
             found = self._stored(p, derivatives=True)
             for values in found:
                 values.flags.writeable = False
-        if sum(values.nbytes for values in found) <= _RECENT_BYTES:
-            self._recent[key] = found
-            while len(self._recent) > _RECENT:
-                self._recent.popitem(last=False)
+        self._recent[key] = found
+        while sum(values.nbytes for kept in self._recent.values() for values in kept) > _RECENT_BYTES:
+            self._recent.popitem(last=False)
         return found
 
     def cost(self, p: ArrayLike) -> FloatArray:
