@@ -92,9 +92,9 @@ def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress:
         if isinstance(found, str):
             models.append(found)
             continue
-        parts, steps, *rest = found
+        parts, steps, minimum, residual, jacobian = found
         effects = (*old.effects, one.effect)
         discrepancies = [part.of_effect(effect) for part, effect in zip(parts, effects, strict=True)]
         model = hypothesis(old.observed, discrepancies).with_steps(steps)
-        models.append(Fitted(model, *rest))
+        models.append(Fitted(model, minimum, residual, jacobian))
     return models
