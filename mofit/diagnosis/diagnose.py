@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +29,7 @@ from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
+from mofit.runtime.parallel import processor_time
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
 from mofit.simulation.ranges import data_scales, with_parameters
@@ -78,7 +78,7 @@ def diagnose(
     InputError
         If campaign, model and effects don't fit together.
     """
-    began = time.process_time()
+    began = processor_time()
     campaign, model = as_campaign(campaign), _unpooled(as_model(model))
     settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
     build_system(model)  # what is wrong with it is told before anything else
@@ -120,7 +120,7 @@ def diagnose(
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
         warnings=(*notes, *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
-        seconds=time.process_time() - began,
+        seconds=processor_time() - began,
         page=_page,
     )
 
