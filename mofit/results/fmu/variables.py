@@ -19,7 +19,7 @@ from mofit.results.fmu.values import condition_starts, limits_of, parameter_star
 
 Causality = Literal["independent", "input", "parameter", "output", "local"]
 
-#: highest derivative of an input that an importer may give: that of a cubic spline
+#: highest derivative of what the equations read that an importer may give: that of a cubic spline
 CUBIC = 3
 _STRUCTURED = re.compile(r"[A-Za-z_]\w*|der\([A-Za-z_]\w*(,\d+)?\)", re.ASCII)
 #: what XML cannot hold, and line breaks
@@ -69,7 +69,7 @@ class Contents:
     @cached_property
     def orders(self) -> int:
         """Number of inputs that every signal has: itself and its derivatives."""
-        return 1 + max([CUBIC, *(signal.read for signal in self.signals)])
+        return 1 + CUBIC + max((signal.read for signal in self.signals), default=0)
 
     @cached_property
     def token(self) -> str:
