@@ -134,9 +134,12 @@ def base_units(unit: str) -> tuple[float, dict[str, float]]:
     Raises
     ------
     UnitError
-        If the unit is unknown, or of more than these.
+        If the unit is unknown, of more than these, or counted from another zero (°C).
     """
-    found: tuple[Any, Any] = _registry().get_root_units(_parse(normal(unit)), check_nonmult=False)
+    known = _parse(normal(unit))
+    if _registry().Quantity(0.0, known).to_root_units().magnitude != 0:
+        raise UnitError(f"unit '{unit}' has a zero of its own")
+    found: tuple[Any, Any] = _registry().get_root_units(known)
     factor, powers = float(found[0]), {}
     for name, power in found[1]._units.items():
         if name not in _BASE_UNITS:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmu_runs import drive, fmpy, needs_compiler, run
-from lag_rig import write_rig
+from lag_rig import MODEL, campaign
 
 from mofit.cli import main
+from mofit.data import write_campaign
 from mofit.results import open_result
 from mofit.results.export import model_of_run
 from mofit.simulation import ExperimentData
@@ -17,7 +18,7 @@ from mofit.simulation import ExperimentData
 BUNDLED = Path(__file__).parents[2] / "data" / "paper_campaign.nc"
 
 
-def deviation(path, folder, model, test, conditions=()):
+def deviation(path, folder, model, test, conditions):
     """Largest difference of an FMU, at the MAP estimate, from the run's simulation of a test, as a share of its range.
 
     The FMU is driven by the inputs that the run holds.
@@ -45,19 +46,24 @@ def test_the_fmu_of_ones_own_model_gives_the_prediction_of_its_run(lag, fmi, cap
     said = json.loads(capsys.readouterr().out)
     assert (said["file"], said["fmi"], said["mode"], said["note"]) == (str(out), fmi, "m1", None)
     assert fmpy.supported_platforms(str(out)) != ["c-code"]
+    (temperature,) = (v for v in fmpy.read_model_description(str(out)).modelVariables if v.name == "temperature")
+    assert (float(temperature.start), temperature.unit) == (300.0, "K")
     model = model_of_run(open_result(folder), reference)
-    assert deviation(out, folder, model, "sine_1Hz") < 1e-6
+    assert deviation(out, folder, model, "sine_1Hz", [300.0]) < 1e-6
 
 
 @pytest.fixture(scope="module")
 def lag(tmp_path_factory):
-    """A finished run of a model in a file, and the reference of the model."""
+    """A finished run of a model in a file, and the reference of the model; its gain falls with the temperature."""
     folder = tmp_path_factory.mktemp("lag")
-    file, reference = write_rig(folder)
-    assert main(
-        ["identify", str(file), "--model", reference, "--out", str(folder / "run"), "--no-sample", "--seed", "1"]
-    ) in (0, 3)
-    return folder / "run", reference
+    write_campaign(campaign(conditions={"temperature": 300.0}), folder / "rig.nc")
+    text = MODEL.replace("import Channel", "import Channel, Condition").replace("s.k *", "s.k * 300 / s.temperature *")
+    text = text.replace("    inputs =", '    conditions = (Condition("temperature", "K"),)\n    inputs =')
+    (folder / "lag.py").write_text(text)
+    reference, out = f"{folder / 'lag.py'}:Lag", folder / "run"
+    identify = ["identify", folder / "rig.nc", "--model", reference, "--out", out, "--no-sample", "--seed", "1"]
+    assert main([*map(str, identify)]) in (0, 3)
+    return out, reference
 
 
 def test_without_a_compiler_the_command_says_what_the_fmu_lacks(lag, tmp_path, monkeypatch, capsys):

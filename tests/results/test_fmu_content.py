@@ -190,3 +190,27 @@ def test_an_unsampled_mode_gives_the_map_estimate_and_the_laplace_interval():
     start = parameter_starts(tree, model)["d"]
     assert start.value == 505.0
     assert start.origin == "MAP estimate, 90 % interval 0 to 1162.96, not sampled"
+
+
+class Lag(Model):
+    """A state that follows the input, and one that stays zero."""
+
+    name = "lag"
+    parameters = (Parameter("T", "s", 0.01, 1.0, 0.02, "log"),)
+    states = (Channel("near", "m"), Channel("idle", "m"))
+    inputs = (Channel("displacement", "m"),)
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s):
+        return Equations({"force": s.near}, {"near": (s.displacement - s.near) / s.T, "idle": -s.idle})
+
+
+def test_sizes_of_states_are_those_of_the_tests():
+    model = Lag()
+    wave = 3.0 * np.sin(np.arange(2000) * 0.01)
+    tree = run_of(model, tests={"drive": record(model, [wave], 0.01)})
+    sizes = {v.name: v.nominal for _, v in contents(tree, model).of("local")}
+    assert sizes["near"] == pytest.approx(3.0, rel=1e-3)
+    assert sizes["idle"] == 1.0  # always zero: no size is known
+    (own,) = (v for _, v in contents(tree, model).of("input") if v.name == "displacement")
+    assert own.nominal == pytest.approx(3.0, rel=1e-4)

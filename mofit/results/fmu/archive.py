@@ -131,8 +131,7 @@ def _platform(fmi: FmiVersion) -> tuple[str, str]:
 
 def _compiled(sources: Mapping[str, bytes], folder: Path, library: str) -> tuple[bytes | None, str]:
     """A shared library of the sources; None, and why, without a compiler that makes one."""
-    given = shlex.split(os.environ.get("CC", ""))
-    command = given if given and shutil.which(given[0]) else [c for c in _COMPILERS if shutil.which(c)][:1]
+    command = _compiler()
     if not command:
         return None, "no C compiler was found: the FMU holds sources only, an importer must compile them"
     for name, text in sources.items():
@@ -150,6 +149,15 @@ def _compiled(sources: Mapping[str, bytes], folder: Path, library: str) -> tuple
     except (OSError, subprocess.TimeoutExpired) as error:
         return None, f"the C compiler failed, so the FMU holds sources only: {error}"
     return (folder / library).read_bytes(), ""
+
+
+def _compiler() -> list[str]:
+    """The command of a C compiler: ``CC``, else the first known one that is there."""
+    try:
+        given = shlex.split(os.environ.get("CC", ""))
+    except ValueError:  # a quotation mark without the other
+        given = []
+    return given if given and shutil.which(given[0]) else [name for name in _COMPILERS if shutil.which(name)][:1]
 
 
 def _write_archive(path: Path, entries: Mapping[str, bytes]) -> None:

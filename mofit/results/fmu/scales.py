@@ -13,14 +13,17 @@ from mofit._typing import FloatArray
 from mofit.models import Model, System
 from mofit.simulation import ExperimentData, Simulator
 
-#: samples of a record that are simulated: a size needs no more
+#: samples of a record that are looked at: a size needs no more
 _MOST = 20_000
 #: integration error, relative to the range of a state
 _TOLERANCE = 1e-4
 
 
 def recorded_inputs(tree: xr.DataTree, model: Model) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Of every test that holds all inputs of the model: time (n,) and inputs (n, nu), as the run simulated them."""
+    """Of every test that holds all inputs of the model: its time (n,) and inputs (m, nu), as the run simulated them.
+
+    Of a long one only the first inputs.
+    """
     if "constant_data" not in tree.children or "test" not in tree.coords:
         return {}
     data, found = tree["constant_data"].dataset, {}
@@ -28,7 +31,7 @@ def recorded_inputs(tree: xr.DataTree, model: Model) -> dict[str, tuple[FloatArr
         names = [f"{test}_{channel.name}" for channel in model.inputs]
         if all(name in data for name in names):
             time = np.asarray(data[f"time_{test}"].values, dtype=float)
-            found[test] = time, np.stack([np.asarray(data[name].values, dtype=float) for name in names], axis=1)
+            found[test] = time, np.stack([np.asarray(data[name][:_MOST].values, dtype=float) for name in names], axis=1)
     return found
 
 
@@ -48,7 +51,7 @@ def state_sizes(
     """Largest magnitude of every state, simulated over the tests; 1 where it stays zero or no test is known."""
     own = np.array([conditions[c.name] for c in model.conditions], dtype=float)
     experiments = [
-        _experiment(test, time[:_MOST], inputs[:_MOST], own, len(system.states))
+        _experiment(test, float(time[1] - time[0]), inputs, own, len(system.states))
         for test, (time, inputs) in recorded_inputs(tree, model).items()
         if len(time) > 1 and np.all(np.isfinite(inputs))
     ]
@@ -58,14 +61,12 @@ def state_sizes(
     watched = replace(system, outputs=system.states, out=ca.Function("states", [x, u, p, c], [x]))
     values = np.array([parameters[name] for name in system.parameters], dtype=float)
     simulated = Simulator(watched, experiments, (), tolerance=_TOLERANCE, box=(values, values)).simulate(values)
-    sizes = np.max([_largest(states[0]) for states in simulated], axis=0)
+    # a test in which the model runs away says nothing of sizes
+    whole = [np.abs(states[0]) for states in simulated if np.isfinite(states).all()]
+    sizes = np.max([np.zeros(len(system.states)), *(states.max(axis=0) for states in whole)], axis=0)
     return [float(size) if size > 0 else 1.0 for size in sizes]
 
 
-def _experiment(name: str, time: FloatArray, inputs: FloatArray, conditions: FloatArray, ny: int) -> ExperimentData:
-    nothing = np.zeros((len(time), ny))
-    return ExperimentData(name, float(time[1] - time[0]), inputs, "linear", conditions, nothing, nothing)
-
-
-def _largest(states: FloatArray) -> FloatArray:
-    return np.asarray(np.max(np.abs(np.where(np.isfinite(states), states, 0.0)), axis=0))
+def _experiment(name: str, step: float, inputs: FloatArray, conditions: FloatArray, ny: int) -> ExperimentData:
+    nothing = np.zeros((len(inputs), ny))
+    return ExperimentData(name, step, inputs, "linear", conditions, nothing, nothing)
