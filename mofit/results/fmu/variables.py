@@ -151,7 +151,7 @@ def _inputs(model: Model, signal: Signal, orders: int, sizes: Mapping[str, float
 
 
 def _ordinal(order: int) -> str:
-    return {1: "first", 2: "second", 3: "third"}.get(order, f"{order}th")
+    return {1: "first", 2: "second", 3: "third", 4: "fourth", 5: "fifth"}.get(order, f"{order}th")
 
 
 def _each_named_once(variables: Iterable[FmuVariable]) -> Iterable[FmuVariable]:
