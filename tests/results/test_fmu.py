@@ -13,12 +13,11 @@ from fmu_runs import (
     simulated,
     steer,
     stroke,
+    validate_fmu,
 )
 
 from mofit.models import Channel, Equations, Model, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
-
-validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
 
 
 class Pendulum(Model):

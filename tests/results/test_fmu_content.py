@@ -7,7 +7,20 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from fmu_runs import ROLLING, drive, fmpy, fmu_of, needs_compiler, record, run, run_of, simulated, steer, stroke
+from fmu_runs import (
+    ROLLING,
+    drive,
+    fmpy,
+    fmu_of,
+    needs_compiler,
+    record,
+    run,
+    run_of,
+    simulated,
+    steer,
+    stroke,
+    validate_fmu,
+)
 
 from mofit.errors import InputError
 from mofit.models import Channel, Condition, Equations, Model, find_effect, find_model, with_effects
@@ -15,8 +28,6 @@ from mofit.parameters import Parameter
 from mofit.results.fmu.archive import write_fmu
 from mofit.results.fmu.values import condition_starts, parameter_starts
 from mofit.results.fmu.variables import contents
-
-validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ from mofit.results.fmu.variables import contents
 from mofit.simulation import ExperimentData, Simulator
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed: pip install 'mofit[fmu]'")
+validate_fmu = pytest.importorskip("fmpy.validation").validate_fmu
 
 COMPILER = next((found for name in ("cc", "gcc", "clang") if (found := shutil.which(name))), None)
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler on this machine")
@@ -90,12 +91,14 @@ def record(
     return ExperimentData("drive", step, columns, interpolation, np.array(conditions, float), nothing, nothing)
 
 
-def simulated(model: Model, test: ExperimentData, values: Mapping[str, float] | None = None) -> np.ndarray:
-    """The first output of the model by mofit's own integration, at its default tolerance."""
+def simulated(
+    model: Model, test: ExperimentData, values: Mapping[str, float] | None = None, steps: int | None = None
+) -> np.ndarray:
+    """The first output of the model by mofit's own integration, at its default tolerance or with fixed steps."""
     system = build_system(model)
     given = {p.name: p.nominal for p in model.parameters} | dict(values or {})
     p = [given[name] for name in system.parameters]
-    return Simulator(system, [test], tolerance=1e-6).simulate([p])[0][0, :, 0]
+    return Simulator(system, [test], tolerance=1e-6, steps=steps).simulate([p])[0][0, :, 0]
 
 
 def drive(tree: xr.DataTree, model: Model, test: ExperimentData, parts: int = 1) -> np.ndarray:
