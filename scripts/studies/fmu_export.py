@@ -102,10 +102,11 @@ def main() -> None:
         own = {effect: rows[f"{base}+{effect}"] for effect in ("", *effects)}
         deviations = {effect or "alone": one["deviation"] for effect, one in own.items()}
         worst = max(deviations, key=lambda name: deviations[name])
-        states = [one["states"] for one in own.values()]
+        counts = [one["states"] for one in own.values()]
+        states = " to ".join(map(str, sorted({min(counts), max(counts)})))
         lines.append(
             (
-                base, len(own), " to ".join(map(str, sorted({min(states), max(states)}))), sum(one["problems"] for one in own.values()),
+                base, len(own), states, sum(one["problems"] for one in own.values()),
                 f"{deviations['alone']:.1e}", f"{np.median(list(deviations.values())):.1e}",
                 f"{deviations[worst]:.1e} ({worst.replace('_', ' ')})",
                 f"{max(one['seconds'] for one in own.values()):.2f}",
