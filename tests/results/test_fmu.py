@@ -21,19 +21,22 @@ from mofit.parameters import Parameter
 
 
 class Pendulum(Model):
-    """The second derivative of a channel that the equations do not read itself."""
+    """The second derivative of a channel; the equations do not read the channel itself."""
 
     name = "pendulum"
     parameters = (Parameter("J", "kg m^2", 0.1, 10.0, 2.0), Parameter("T", "s", 0.01, 1.0, 0.05, "log"))
     states = (Channel("lag", "rad/s"),)
     inputs = (
-        Channel("rate", "rad/s", derivative_of="angle"),
-        Channel("acceleration", "rad/s^2", derivative_of="rate"),
+        Channel("angle", "rad"),
+        Channel("turning", "rad/s", derivative_of="angle"),
+        Channel("acceleration", "rad/s^2", derivative_of="turning"),
     )
     outputs = (Channel("torque", "N m"),)
 
     def equations(self, s):
-        return Equations(outputs={"torque": s.J * s.acceleration + s.lag}, derivatives={"lag": (s.rate - s.lag) / s.T})
+        return Equations(
+            outputs={"torque": s.J * s.acceleration + s.lag}, derivatives={"lag": (s.turning - s.lag) / s.T}
+        )
 
 
 class Decay(Model):
@@ -68,7 +71,7 @@ CASES = {
     "Bouc-Wen damper": (find_model("bouc_wen_damper"), stroke(), 0.002, {"averaging_time": 0.01}, {"delta": 2e-3}),
     "without states": (find_model("tmeasy_curve"), steer(), 0.01, ROLLING, {}),
     "acceleration": (
-        Pendulum(), [np.cos(7 * np.arange(500) * 0.002), -7 * np.sin(7 * np.arange(500) * 0.002)], 0.002, {}, {},
+        Pendulum(), [7.0 ** (k - 1) * np.sin(7 * np.arange(500) * 0.002 + k * np.pi / 2) for k in range(3)], 0.002, {}, {},
     ),
     "free decay": (Decay(), [np.arange(300) * 0.01], 0.01, {}, {}),
     "oscillator": (find_model("duffing_oscillator"), [np.sin(40 * np.arange(800) * 1e-3)], 1e-3, {}, {"k_3": 50.0}),
