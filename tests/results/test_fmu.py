@@ -71,7 +71,9 @@ CASES = {
     "Bouc-Wen damper": (find_model("bouc_wen_damper"), stroke(), 0.002, {"averaging_time": 0.01}, {"delta": 2e-3}),
     "without states": (find_model("tmeasy_curve"), steer(), 0.01, ROLLING, {}),
     "acceleration": (
-        Pendulum(), [7.0 ** (k - 1) * np.sin(7 * np.arange(500) * 0.002 + k * np.pi / 2) for k in range(3)], 0.002, {}, {},
+        Pendulum(),
+        [7.0 ** (k - 1) * np.sin(7 * np.arange(500) * 0.002 + k * np.pi / 2) for k in range(3)],
+        0.002, {}, {},
     ),
     "free decay": (Decay(), [np.arange(300) * 0.01], 0.01, {}, {}),
     "oscillator": (find_model("duffing_oscillator"), [np.sin(40 * np.arange(800) * 1e-3)], 1e-3, {}, {"k_3": 50.0}),
