@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
+from mofit.runtime.parallel import processor_time
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
 from mofit.simulation.black_box.evaluations import evaluations_of, with_evaluations
@@ -81,7 +81,7 @@ def diagnose(
     InputError
         If campaign, model and effects don't fit together.
     """
-    began = time.process_time()
+    began = processor_time()
     campaign, model = as_campaign(campaign), _unpooled(as_model(model))
     settings, rules = (settings or Settings()).for_model(model), diagnosis or DiagnosisSettings()
     model = with_evaluations(model, settings.simulations)
@@ -154,7 +154,7 @@ def _diagnosed(
             *_of_tests(found, ending.shrinkage),
         ),
         complete=complete,
-        seconds=time.process_time() - began,
+        seconds=processor_time() - began,
         page=_page,
     )
 

@@ -1,4 +1,4 @@
-"""Starts of what model and effects have per test: the best values there, angles and the like on a grid."""
+"""Starts of what an effect has per test: angles and the like, found test by test on a grid; and of the model's own."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def with_best_values(model: Hypothesis, start: FloatArray, effect: Effect) -> Fl
         values = values[np.argsort(np.abs(values - 0.5), kind="stable")]
         points = np.repeat(found[None], len(values), axis=0)
         points[:, own] = values[:, None]
-        residual = np.concatenate([model.linear(point[None]).residual for point in points])
+        residual = np.concatenate([part.residual for part in model.linear_parts(points)])
         squares = np.nan_to_num(residual[:, :rows] ** 2, nan=np.inf)
         for coordinate in own:
             here = (place == coordinate)[observed.test]

@@ -132,7 +132,7 @@ def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca
         for name, names in (("x", system.states), ("u", system.inputs), ("c", system.conditions))
     )
     outputs = [system.rhs(x, u, p, c), system.out(x, u, p, c), system.initial(u, p, c)]
-    return ca.Function(_identifier(model.name), [x, u, c], outputs, ["x", "u", "c"], ["xdot", "y", "x0"])
+    return ca.Function(c_identifier(model.name), [x, u, c], outputs, ["x", "u", "c"], ["xdot", "y", "x0"])
 
 
 def c_source(function: ca.Function, model: Model, origin: Mapping[str, str]) -> str:
@@ -197,7 +197,7 @@ def _listed(channels: Sequence[Channel]) -> list[str]:
     ]
 
 
-def _identifier(name: str) -> str:
+def c_identifier(name: str) -> str:
     """A name that C and CasADi take."""
     plain = re.sub(r"_+", "_", re.sub(r"[^0-9A-Za-z]", "_", name)).strip("_")
     return plain if plain[:1].isalpha() else f"model_{plain}"
