@@ -99,7 +99,7 @@ def identify(
     """
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
-    from mofit.simulation.black_box.executors import TIMEOUT
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, identify_file
 
     if all_freqs and (freq or test):
@@ -180,7 +180,7 @@ def diagnose(
     """
     from mofit.cli.output import progress_bar, show_diagnosis
     from mofit.identification.settings import Settings
-    from mofit.simulation.black_box.executors import TIMEOUT
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 
     settings = Settings(

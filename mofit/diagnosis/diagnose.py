@@ -33,8 +33,8 @@ from mofit.models import Effect, Model, build_system
 from mofit.runtime.parallel import processor_time
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
-from mofit.simulation.black_box.evaluations import evaluations_of, with_evaluations
-from mofit.simulation.black_box.executors import evaluated_in
+from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
+from mofit.simulation.evaluation.executors import evaluated_in
 from mofit.simulation.ranges import data_scales, with_parameters
 
 

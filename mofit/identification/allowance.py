@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from mofit.errors import InputError
 from mofit.identification.search_budget import FEWEST_SETS
 from mofit.problem import Problem
-from mofit.simulation.black_box.draws import simulations_for
+from mofit.simulation.evaluation.draws import simulations_for
 
 #: Steps of a descent that a test alone must be worth.
 ALONE = 12

@@ -9,7 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, System
-from mofit.simulation.black_box.engine import BlackBoxEngine
+from mofit.simulation.evaluation.engine import BlackBoxEngine
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.simulator import Simulator
 

@@ -10,7 +10,7 @@ from mofit.models import Addition, Channel, Effect, Scaling, Simulator, with_eff
 from mofit.models.model import Applied
 from mofit.parameters import Parameter
 from mofit.problem import build_problem, model_failures
-from mofit.simulation.black_box.evaluations import evaluations_of, with_evaluations
+from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
 
 
 class Lag(Effect):

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, Record
-from mofit.simulation.black_box.differences import FINE, Step, find_steps, moved, nodes, slope
-from mofit.simulation.black_box.evaluations import Call, Evaluations
-from mofit.simulation.black_box.filters import Filter
 from mofit.simulation.evaluation import Evaluation
+from mofit.simulation.evaluation.differences import FINE, Step, find_steps, moved, nodes, slope
+from mofit.simulation.evaluation.evaluations import Call, Evaluations
+from mofit.simulation.evaluation.filters import Filter
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import RK4
 from mofit.simulation.time_grid import StepChoice, StepLevel
