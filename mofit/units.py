@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,11 @@ SI_UNITS = (
 _PLAIN = {
     "-": "1", "": "1", "%": "percent", "°": "deg", "°/s": "deg/s", "°C": "degC", "deg C": "degC",
     "Nm": "N m", "kNm": "kN m", "kmh": "km/h", "kph": "km/h", "sec": "s", "msec": "ms",
+}  # fmt: skip
+#: root units of the registry -> base unit of the SI, or of FMI, and how many of that one is
+_BASE_UNITS = {
+    "gram": ("kg", 1e-3), "kilogram": ("kg", 1.0), "meter": ("m", 1.0), "second": ("s", 1.0), "ampere": ("A", 1.0),
+    "kelvin": ("K", 1.0), "mole": ("mol", 1.0), "candela": ("cd", 1.0), "radian": ("rad", 1.0),
 }  # fmt: skip
 #: longest unit, and what would make of a unit a number that takes for ever to compute
 _LONGEST = 40
@@ -137,6 +142,28 @@ def power_of_time(unit: str, other: str) -> int | None:
     except UnitError:
         return None
     return next((k for k in (0, -1, 1, -2, 2) if ratio == _root("s") ** k), None)
+
+
+def base_units(unit: str) -> tuple[float, dict[str, float]]:
+    """A unit as a factor times powers of ``kg``, ``m``, ``s``, ``A``, ``K``, ``mol``, ``cd`` and ``rad``.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown, of more than these, or counted from another zero (°C).
+    """
+    known = _parse(normal(unit))
+    if _registry().Quantity(0.0, known).to_root_units().magnitude != 0:
+        raise UnitError(f"unit '{unit}' has a zero of its own")
+    found: tuple[Any, Any] = _registry().get_root_units(known)
+    factor, powers = float(found[0]), {}
+    for name, power in found[1]._units.items():
+        if name not in _BASE_UNITS:
+            raise UnitError(f"unit '{unit}' is of {name}")
+        symbol, scale = _BASE_UNITS[name]
+        powers[symbol] = float(power)
+        factor *= scale ** float(power)
+    return factor, powers
 
 
 @cache

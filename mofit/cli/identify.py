@@ -104,7 +104,7 @@ def identify(
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
-    from mofit.simulation.black_box.executors import TIMEOUT
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, identify_file
 
     if all_freqs and (freq or test):
@@ -188,7 +188,7 @@ def diagnose(
     from mofit.cli.output import progress_bar, show_diagnosis
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
-    from mofit.simulation.black_box.executors import TIMEOUT
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 
     settings = Settings(
@@ -209,7 +209,7 @@ def diagnose(
         print_json({**found, "folder": str(folder)})
     else:
         show_diagnosis(found, folder)
-    return DONE
+    return DONE if found["complete"] else NOT_CONVERGED
 
 
 @app.command

@@ -30,7 +30,7 @@ from mofit.models import (
 )
 from mofit.parameters import ParameterSpace
 from mofit.simulation import lacking
-from mofit.simulation.black_box.evaluations import simulator_of
+from mofit.simulation.evaluation.evaluations import simulator_of
 from mofit.simulation.ranges import scaled, with_parameters
 from mofit.simulation.requirements import stated_conditions
 

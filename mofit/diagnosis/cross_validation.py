@@ -74,7 +74,9 @@ def leave_out(
     kept[:, : len(observed.measured)] = [~np.isin(observed.test, some) for some in tests]
 
     def without(points: FloatArray, number: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        found, used = model.linear(points), kept[number]
+        first = np.all(points == fitted.minimum.point)  # where all start, what is known need not be simulated
+        found = Linear(fitted.residual[None], fitted.jacobian[None]) if first else model.linear(points)
+        used = kept[number]
         return Linear(np.where(used, found.residual, 0.0), found.jacobian * used[..., None]).normal_equations()
 
     starts = np.repeat(fitted.minimum.point[None], len(tests), axis=0)

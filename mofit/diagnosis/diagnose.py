@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,15 +25,16 @@ from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.identification.allowance import simulations_told
+from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
 from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
+from mofit.runtime.parallel import processor_time
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
-from mofit.simulation.black_box.evaluations import evaluations_of, with_evaluations
-from mofit.simulation.black_box.executors import evaluated_in
+from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
+from mofit.simulation.evaluation.executors import evaluated_in
 from mofit.simulation.ranges import data_scales, with_parameters
 
 
@@ -81,7 +81,7 @@ def diagnose(
     InputError
         If campaign, model and effects don't fit together.
     """
-    began = time.process_time()
+    began = processor_time()
     campaign, model = as_campaign(campaign), _unpooled(as_model(model))
     settings, rules = (settings or Settings()).for_model(model), diagnosis or DiagnosisSettings()
     model = with_evaluations(model, settings.simulations)
@@ -123,6 +123,9 @@ def _diagnosed(
     proposed = _proposed(first, case, ending, settings.seed, progress)
     if isinstance(proposed, Proposal):
         conclusion = replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}")
+    complete = all_simulated(observed.problem)
+    if not complete:
+        conclusion = replace(conclusion, sentence=f"{SIMULATIONS_SPENT} {conclusion.sentence}")
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
     return Diagnosis(
@@ -150,7 +153,8 @@ def _diagnosed(
             *_at_most(found, rules),
             *_of_tests(found, ending.shrinkage),
         ),
-        seconds=time.process_time() - began,
+        complete=complete,
+        seconds=processor_time() - began,
         page=_page,
     )
 

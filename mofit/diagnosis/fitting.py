@@ -14,18 +14,18 @@ from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.diagnosis.scoped_starts import with_scoped
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
 from mofit.identification.stages import search
-from mofit.identification.steady_start import leads_said, led_in
+from mofit.identification.steady_start import leads_said, led_in, steady_from_start
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings
 from mofit.parameters import ParameterSpace
 from mofit.problem import explained
-from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Starts of the baseline beside those given; and the most minima of the search among these.
 _STARTS, _MINIMA = 7, 8
@@ -218,18 +218,23 @@ def baseline_in_wide_ranges(
     observed, starts = _started(setup, cache)
     found, notes = fit_baseline(observed, starts, settings.seed), list[str]()
     point = found.minimum.point[: len(observed.problem.space)]
-    if led := led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point)):
-        notes += leads_said(setup, led[0])
-        setup, point = led
-        found = fit_baseline(_whitened(setup, cache), point, settings.seed)
+    if steady_from_start(setup.posterior.main):  # else the noise at the point is not worth its cost
+        led = led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point))
+        if led is not None:
+            notes += leads_said(setup, led[0])
+            setup, point = led
+            found = fit_baseline(_whitened(setup, cache), point, settings.seed)
     first = space = found.hypothesis.observed.problem.space
     for _ in range(MOST):
         sides, values = found.minimum.at_bound[: len(space)], space.from_unit(found.minimum.point[: len(space)])
         farther = space.farther(sides)
         if farther == space:
             break
-        wider = set_up_problem(model, campaign, settings, tests, space=farther, leads=setup.leads)
-        again = fit_baseline(_whitened(wider, cache), beyond_ends(space, farther, values, sides), settings.seed)
+        known = setup.calibrations
+        wider = set_up_problem(model, campaign, settings, tests, space=farther, done=known, leads=setup.leads)
+        # the noise of the records stays
+        same = replace(found.hypothesis.observed, problem=wider.posterior.main, calibrations=wider.calibrations)
+        again = fit_baseline(same, beyond_ends(space, farther, values, sides), settings.seed)
         if found.minimum.value - again.minimum.value <= WORTH:
             break
         found, space = again, farther
@@ -253,22 +258,6 @@ def _without_false_noise(found: Fitted, seed: int) -> Fitted:
     problem = replace(observed.problem, signals=tuple(signals))
     again = whiten(problem, observed.calibrations, observed.simulators)
     return fit_baseline(again, found.minimum.point[: len(problem.space)], seed)
-
-
-def with_scoped(model: Hypothesis, starts: FloatArray) -> FloatArray:
-    """Starts (k, s) of the model's parameters of the campaign, with the best values there of the others: (k, d)."""
-    problem, layout = model.observed.problem, model.layout
-    if not isinstance(problem.simulator, ScopedSimulator):
-        return starts
-    names = list(layout.names)
-    values = problem.simulator.best(problem.layout.full(starts)).values
-    columns = [names.index(name) for name in layout.parameters.names]
-    units = layout.parameters.to_unit(values[..., columns])
-    found = np.zeros((len(starts), len(layout.space)))
-    for test, place in enumerate(layout.place):
-        found[:, place] = units[:, test]
-    found[:, : starts.shape[1]] = starts
-    return np.clip(found, 0.0, 1.0)
 
 
 def with_own_noise(found: Fitted, seed: int) -> Fitted:

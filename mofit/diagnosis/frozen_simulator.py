@@ -20,7 +20,7 @@ from mofit.models import (
     with_effects,
 )
 from mofit.simulation import ExperimentData
-from mofit.simulation.black_box.engine import BlackBoxEngine
+from mofit.simulation.evaluation.engine import BlackBoxEngine
 
 #: What the names of the simulated outputs begin with.
 SIMULATED = "simulated_"

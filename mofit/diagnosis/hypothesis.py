@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps
+from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps, within
 from mofit.diagnosis.scoped_layout import ScopedLayout, labels_of
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
@@ -142,7 +142,7 @@ class Hypothesis:
         """Residual and Jacobian at points u (K, d)."""
         slope = np.nan_to_num(self.space.derivative(self.space.from_unit(u)))
         joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in self.outputs(u)]
-        bad = np.any([~(np.abs(test) < DIVERGED).all(axis=(1, 2, 3)) for test in joined], axis=0)
+        bad = np.any([~within(test, DIVERGED, (1, 2, 3)) for test in joined], axis=0)
         for test in joined:
             test[bad] = 0.0
         white = self.observed.whitened(joined)
@@ -154,11 +154,14 @@ class Hypothesis:
         prior = np.broadcast_to(-root, (len(u), *root.shape))
         return Linear(residual, np.concatenate([-slopes, prior], axis=1))
 
+    def linear_parts(self, u: FloatArray) -> Iterator[Linear]:
+        """`linear` at a few points at a time: rows of long tests fill the memory."""
+        size = max(_NUMBERS // (len(self.observed.measured) * (len(self.space) + 1)), 1)
+        return (self.linear(u[start : start + size]) for start in range(0, len(u), size))
+
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss–Newton Hessian (K, d, d)."""
-        # a few points at a time: rows of long tests fill the memory
-        size = max(_NUMBERS // (len(self.observed.measured) * (len(self.space) + 1)), 1)
-        parts = [self.linear(u[start : start + size]).normal_equations() for start in range(0, len(u), size)]
+        parts = [part.normal_equations() for part in self.linear_parts(u)]
         value, gradient, hessian = (np.concatenate(found) for found in zip(*parts, strict=True))
         return value, gradient, hessian
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import Model, System, build_system
+from mofit.runtime.parallel import threads
 from mofit.simulation import ExperimentData, Simulator
 
 #: Where a divergent integration ends: no output or derivative is as large.
@@ -27,7 +28,7 @@ class SimulatorCache:
     Parameters
     ----------
     jobs
-        Threads; results do not depend on it.
+        Threads, or processes of one thread; results do not depend on it.
     """
 
     def __init__(self, jobs: int = 1) -> None:
@@ -42,13 +43,20 @@ class SimulatorCache:
         key = (system.hash(), tuple(free))
         if key not in self._compiled:
             # most are called once or twice: tables would not pay
-            self._compiled[key] = Simulator(system, experiments, free, jobs=self.jobs, steps=steps, fixed_per_lane=True)
+            jobs = threads(self.jobs)
+            self._compiled[key] = Simulator(system, experiments, free, jobs=jobs, steps=steps, fixed_per_lane=True)
         return system, self._compiled[key].without_tables().with_steps(steps).with_experiments(experiments)
 
 
 def stable(values: FloatArray, axis: tuple[int, ...] | None = None) -> NDArray[np.bool_]:
     """Whether no value, of all or along some axes, comes from an unstable integration."""
-    return np.asarray((np.abs(values) < _UNSTABLE).all(axis=axis))
+    return within(values, _UNSTABLE, axis)
+
+
+def within(values: FloatArray, limit: float, axis: tuple[int, ...] | None = None) -> NDArray[np.bool_]:
+    """Whether all values, or those along some axes, are below a limit in size; nan is not."""
+    highest, lowest = np.max(values, axis=axis, initial=0.0), np.min(values, axis=axis, initial=0.0)
+    return np.asarray((highest < limit) & (lowest > -limit))
 
 
 def clipped(values: FloatArray) -> FloatArray:

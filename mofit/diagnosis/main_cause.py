@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from mofit.diagnosis.candidates import Candidate, prepare
+from mofit.diagnosis.beside import prepared
+from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit_baseline
 from mofit.diagnosis.model_search import Attribution, attribute
@@ -68,12 +69,9 @@ class Case:
 
 def investigate(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
     """Test, refit and compare the effects; conclude."""
-    prepared = []
-    for number, effect in enumerate(effects):
-        progress("score test", number, len(effects), effect.name)
-        prepared.append(prepare(baseline, effect))
-    candidates = [candidate for candidate in prepared if candidate.integrates]
-    stiff = {candidate.name: _TOO_STIFF for candidate in prepared if not candidate.integrates}
+    every = prepared(baseline, effects, progress)
+    candidates = [candidate for candidate in every if candidate.integrates]
+    stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
     found = attribute(baseline, candidates, settings, progress)
     before, after = residual_map(baseline), residual_map(found.best.fitted)
     return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mofit.diagnosis.accounts import Account, accounts_of, promising
+from mofit.diagnosis.beside import refitted
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.refit import CandidateModel, NotFittedError, rated, refit
+from mofit.diagnosis.refit import CandidateModel, rated
 from mofit.diagnosis.residual_tests import Residuals, residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
@@ -88,21 +88,21 @@ class _Search:
         made: dict[str, CandidateModel] = {}
         failed = dict(self.failed)
         lowest = self.best.criterion
-        for number, one in enumerate(fresh):
-            progress("refit", number, len(fresh), " + ".join([*present, one.name]))
-            try:
-                made[one.name] = rated(refit(base, one, lowest + contender), len(self.candidates))
-            except NotFittedError as error:
-                failed[tuple(sorted((*present, one.name)))] = str(error)
-            else:
-                lowest = min(lowest, made[one.name].criterion)
+        # the most promising one first: far above it the others need no exact fit
+        for part in (fresh[:1], fresh[1:]):
+            for one, found in zip(part, refitted(base, part, lowest + contender, progress), strict=True):
+                if isinstance(found, str):
+                    failed[tuple(sorted((*present, one.name)))] = found
+                else:
+                    made[one.name] = rated(found, len(self.candidates))
+            lowest = min([lowest, *(one.criterion for one in made.values())])
         limit = lowest + contender
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
-        for one in (other for contender in contenders if (other := contender.alternative) is not None):
-            with suppress(NotFittedError):  # the effect is fitted all the same
-                second = rated(refit(base, one, limit), len(self.candidates))
-                better, worse = sorted((made[one.name], second), key=_order)
+        others = [other for one in contenders if (other := one.alternative) is not None]
+        for one, found in zip(others, refitted(base, others, limit, progress), strict=True):
+            if not isinstance(found, str):  # else the effect is fitted all the same
+                better, worse = sorted((made[one.name], rated(found, len(self.candidates))), key=_order)
                 made[one.name] = replace(better, alternative=worse)
         return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)), failed=failed)
 

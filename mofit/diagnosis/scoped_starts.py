@@ -1,4 +1,4 @@
-"""Starts of what an effect has per test: angles and the like, found test by test on a grid."""
+"""Starts of what an effect has per test: angles and the like, found test by test on a grid; and of the model's own."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.models import Effect
+from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Values tried of a scoped parameter over its range, which may hold an angle three times: 45° apart.
 _VALUES = 25
@@ -27,10 +28,26 @@ def with_best_values(model: Hypothesis, start: FloatArray, effect: Effect) -> Fl
         values = values[np.argsort(np.abs(values - 0.5), kind="stable")]
         points = np.repeat(found[None], len(values), axis=0)
         points[:, own] = values[:, None]
-        residual = np.concatenate([model.linear(point[None]).residual for point in points])
+        residual = np.concatenate([part.residual for part in model.linear_parts(points)])
         squares = np.nan_to_num(residual[:, :rows] ** 2, nan=np.inf)
         for coordinate in own:
             here = (place == coordinate)[observed.test]
             total = squares[:, here].sum(axis=1)
             found[coordinate] = values[np.argmax(total <= total.min() * (1 + 1e-9))]
     return found
+
+
+def with_scoped(model: Hypothesis, starts: FloatArray) -> FloatArray:
+    """Starts (k, s) of the model's parameters of the campaign, with the best values there of the others: (k, d)."""
+    problem, layout = model.observed.problem, model.layout
+    if not isinstance(problem.simulator, ScopedSimulator):
+        return starts
+    names = list(layout.names)
+    values = problem.simulator.best(problem.layout.full(starts)).values
+    columns = [names.index(name) for name in layout.parameters.names]
+    units = layout.parameters.to_unit(values[..., columns])
+    found = np.zeros((len(starts), len(layout.space)))
+    for test, place in enumerate(layout.place):
+        found[:, place] = units[:, test]
+    found[:, : starts.shape[1]] = starts
+    return np.clip(found, 0.0, 1.0)

@@ -79,7 +79,7 @@ def classify(w: Whitening, excitation: FloatArray, orders: Mapping[str, float]) 
     the tenth and to three times the highest one excited; *subharmonic*, odd multiples of half its frequency, up to the
     fifth; *rotating*, the orders and their sidebands at ± the excitation; *slow*, below half the excitation's
     frequency, and two lines on each side of it; *excited*, without a period: lines that the input excites, and their
-    harmonics; *other*, noise in every model.
+    harmonics, see `highest_answering`; *other*, noise in every model.
     """
     m, number = w.periods, np.arange(len(w.frequencies))
     nowhere = np.zeros(len(number), dtype=bool)
@@ -87,8 +87,7 @@ def classify(w: Whitening, excitation: FloatArray, orders: Mapping[str, float]) 
     odd_harmonic = number // max(m, 1) % 2 == 1
     away = np.abs(number - m)
     slow = (number < m / 2) | ((away <= _MODULATION) & (away < m / 2)) if m else nowhere
-    # a sparsely filled band counts as a whole: harmonics of its lines fall between them
-    excited = nowhere if m else number <= 2 * highest_excited(excitation)
+    excited = nowhere if m else number <= highest_answering(excitation)
     place = [w.count * w.step * f + sideband * m for f in orders.values() for sideband in ((-1, 0, 1) if m else (0,))]
     near = np.any([nowhere, *(np.abs(number - line) < _LEAKAGE for line in place)], axis=0)
     found = {
@@ -116,6 +115,17 @@ def highest_harmonic(excitation: FloatArray, periods: int) -> int:
     A multisine excites many: a gap lies on their lines, and on sums and differences of up to three of them.
     """
     return max(HARMONICS, ORDER * highest_excited(excitation, periods))
+
+
+def highest_answering(excitation: FloatArray) -> float:
+    """The highest line of an input (n,) that does not repeat on which a gap may lie.
+
+    A sparsely filled band counts as a whole, harmonics of its lines fall between them: up to twice the highest line
+    that it excites, or to the tenth harmonic of its middle one where it is narrow, as that of a sine which ramps.
+    """
+    power = np.abs(np.fft.rfft(excitation - excitation.mean())) ** 2
+    middle = float(power @ np.arange(len(power)) / power.sum())
+    return max(2 * highest_excited(excitation), HARMONICS * middle)
 
 
 def highest_excited(excitation: FloatArray, periods: int = 1) -> int:

@@ -112,7 +112,9 @@ class Whitening:
         if not self.periods:
             scaled = self._filter.apply(scaled)
         lines = fft.rfft(scaled, axis=-1) * self._scale
-        return np.moveaxis(np.concatenate([lines.real, lines.imag], axis=-1)[..., self._rows], -1, -2)
+        # in the order of `_rows`, copied once: the constant has no imaginary part, nor has the last of an even count
+        parts = [lines.real, lines.imag[..., 1 : self.count - self.count // 2]]
+        return np.moveaxis(np.concatenate(parts, axis=-1), -1, -2)
 
     def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
         """Rows of one signal (rows,) as complex lines (n // 2 + 1,)."""

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from mofit.errors import InputError
 from mofit.identification.search_budget import FEWEST_SETS
 from mofit.problem import Problem
-from mofit.simulation.black_box.draws import simulations_for
+from mofit.simulation.evaluation.draws import simulations_for
 
 #: Steps of a descent that a test alone must be worth.
 ALONE = 12
+#: What a diagnosis begins with that asked for more simulations than there were.
+SIMULATIONS_SPENT = "The simulations that are allowed did not suffice: what follows is not to be trusted."
 
 
 def check_allowed(problem: Problem) -> None:
@@ -58,6 +60,11 @@ def shortages(problem: Problem, groups: Sequence[str]) -> list[str]:
             "were not made. More are allowed by --simulations."
         )
     return found
+
+
+def all_simulated(problem: Problem) -> bool:
+    """Whether all simulations were made that were asked for."""
+    return problem.evaluations is None or problem.evaluations.refused == 0
 
 
 def simulations_told(problem: Problem) -> list[str]:

@@ -12,9 +12,9 @@ from mofit._typing import FloatArray
 from mofit.identification.findings import Finding
 from mofit.problem import AdjustedPosterior, Problem
 from mofit.sampling import SampleSettings, sample_mode
-from mofit.simulation.black_box.emulated import EmulatedSimulator
-from mofit.simulation.black_box.emulator import Coordinates, Emulator
-from mofit.simulation.black_box.surface import PER_COEFFICIENT, coefficients
+from mofit.simulation.evaluation.emulated import EmulatedSimulator
+from mofit.simulation.evaluation.emulator import Coordinates, Emulator
+from mofit.simulation.evaluation.surface import PER_COEFFICIENT, coefficients
 
 LogPosterior = Callable[[FloatArray], FloatArray]
 

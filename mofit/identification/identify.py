@@ -35,8 +35,8 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
-from mofit.simulation.black_box.evaluations import evaluations_of, simulator_of, with_evaluations
-from mofit.simulation.black_box.executors import KEPT, evaluated_in
+from mofit.simulation.evaluation.evaluations import evaluations_of, simulator_of, with_evaluations
+from mofit.simulation.evaluation.executors import KEPT, evaluated_in
 from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.

@@ -13,8 +13,8 @@ from mofit.identification.search_registry import COSTLY_SEARCH, DEFAULT_SEARCH
 from mofit.models import Model
 from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.sampling import SampleSettings
-from mofit.simulation.black_box.evaluations import simulator_of
-from mofit.simulation.black_box.executors import TIMEOUT
+from mofit.simulation.evaluation.evaluations import simulator_of
+from mofit.simulation.evaluation.executors import TIMEOUT
 
 #: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
 FAR = 1e6

@@ -33,7 +33,7 @@ from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
 from mofit.sampling import StudentTMixture, laplace_covariance
-from mofit.simulation.black_box.evaluations import with_evaluations
+from mofit.simulation.evaluation.evaluations import with_evaluations
 
 P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.

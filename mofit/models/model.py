@@ -140,7 +140,7 @@ class Symbols:
         self._pending = {*inputs, *(target for _, target in effects if target in base)}
         self._effects, self._rates = tuple(effects), dict(rates)
         #: the input that is the time derivative of the quantity that an effect acts on now; None if there is none
-        self.rate: str | None = None
+        self.target_rate: str | None = None
         #: derivatives and initial values of the effects' states, filled as quantities are announced
         self.derivatives: dict[str, ca.SX] = {}
         self.initial: dict[str, ca.SX] = {}
@@ -153,7 +153,7 @@ class Symbols:
             raise InputError.of(f"equations: s.{name}", "the model declares no such name", did_you_mean(name, values))
         if name in self._pending:
             # first the input that it is the rate of: an effect on that changes both
-            for source in (source for source, rate in self._rates.items() if rate == name):
+            for source in (source for source, rate in self._rates.items() if rate == name and source in values):
                 getattr(self, source)
         if name in self._pending:
             self._pending.remove(name)
@@ -167,7 +167,7 @@ class Symbols:
         """Announce a named quantity; returns it with every effect that acts on it."""
         for apply, target in self._effects:
             if target == name:
-                self.rate = self._rates.get(name)
+                self.target_rate = self._rates.get(name)
                 applied = apply(self, value)
                 value = applied.value
                 self.derivatives.update(applied.derivatives)

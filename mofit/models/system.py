@@ -78,17 +78,24 @@ def build_system(model: Model) -> System:
             out=_function(where, "out", {"x": x, **others}, "y", y),
             initial=_function(where, "initial", others, "x0", x0),
         )
-        if not isinstance(simulator, Simulator):
-            return found
-        groups_seen = (simulator.inputs, simulator.parameters, simulator.conditions)
-        seen = ca.SX(ca.vertcat(*(getattr(symbols, one.name) for group in groups_seen for one in group)))
-        function = _function(where, "seen", {"x": x, **others}, "seen", seen)
-        whole = BlackBoxSystem(**vars(found), box=simulator, seen=function, space=ParameterSpace(model.parameters))
-        whole.check()
-        return whole
+        if isinstance(simulator, Simulator):
+            return _around(simulator, found, symbols, {"x": x, **others}, model)
+        return found
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error
+
+
+def _around(
+    simulator: Simulator, filters: System, symbols: Symbols, arguments: dict[str, ca.SX], model: Model
+) -> BlackBoxSystem:
+    """A simulator with the filters that effects are around it."""
+    groups = (simulator.inputs, simulator.parameters, simulator.conditions)
+    seen = ca.SX(ca.vertcat(*(getattr(symbols, one.name) for group in groups for one in group)))
+    function = _function(f"model '{model.name}'", "seen", arguments, "seen", seen)
+    found = BlackBoxSystem(**vars(filters), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+    found.check()
+    return found
 
 
 def _function(where: str, name: str, inputs: dict[str, ca.SX], result: str, expression: ca.SX) -> ca.Function:

@@ -14,8 +14,8 @@ from mofit.prediction.result import prediction_tree
 from mofit.results import open_result
 from mofit.results.export import model_of_run
 from mofit.runtime.progress import Progress, silent
-from mofit.simulation.black_box.evaluations import evaluations_of
-from mofit.simulation.black_box.executors import evaluated_in
+from mofit.simulation.evaluation.evaluations import evaluations_of
+from mofit.simulation.evaluation.executors import evaluated_in
 
 
 def predict(

@@ -22,7 +22,7 @@ from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_value
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
-from mofit.simulation.black_box.draws import outputs_at
+from mofit.simulation.evaluation.draws import outputs_at
 from mofit.simulation.experiment import LEADS
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.requirements import undriven

@@ -28,7 +28,7 @@ from mofit.problem.prior import FLAT, GaussianPrior, inside_cube
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.problem.score_covariance import score_covariance
 from mofit.simulation import ExperimentData, Simulator
-from mofit.simulation.black_box.evaluations import Evaluations, evaluations_of
+from mofit.simulation.evaluation.evaluations import Evaluations, evaluations_of
 from mofit.simulation.experiment import objectives_of
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import scoped

@@ -17,6 +17,7 @@ AXES = {
     "parameter_": "parameter of the model, second axis of a matrix",
     "parameter_baseline": "parameter of the baseline model",
     "parameter_scoped": "parameter with a value per test or condition",
+    "condition": "condition of the tests that the model reads",
     "test": "test of the campaign",
     "output": "output of the model",
     "objective": "test whose NRMSD is an objective of the search",
@@ -63,6 +64,7 @@ _PARAMETERS = Group(
     },
     required=True,
 )
+_CONDITIONS = Group({"value": Variable("test condition", OWN_UNIT, "value in this test")})
 _SEARCH = Group(
     {
         "points": Variable("evaluation parameter", OWN_UNIT, "evaluated points"),
@@ -186,6 +188,7 @@ _CALIBRATION = Group(
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
     "/parameters": _PARAMETERS,
+    "/conditions": _CONDITIONS,
     "/search": _SEARCH,
     "/front": _FRONT,
     "/minima": _MINIMA,

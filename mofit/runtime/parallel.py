@@ -65,18 +65,40 @@ def ready_beside(prepare: Callable[[], None]) -> Iterator[Start]:
         yield start
 
 
-def forked_map(function: Callable[[S], T], items: Sequence[S], processes: int, first: Sequence[S] = ()) -> list[T]:
+def forked_map(
+    function: Callable[[S], T],
+    items: Sequence[S],
+    processes: int,
+    first: Sequence[S] = (),
+    tell: Callable[[int], None] = lambda number: None,
+) -> list[T]:
     """``[function(item) for item in items]``, computed by forked processes where that is possible.
 
     What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
-    so that the processes end together.
+    so that the processes end together. ``tell`` hears the number of every item whose result is awaited.
     """
+
+    def awaited(number: int, answer: Callable[[], T]) -> T:
+        tell(number)
+        return answer()
+
+    processes = min(processes, len(items))
     if processes < 2 or not may_fork():
-        return [function(item) for item in items]
-    with _forked(processes, _remember, lambda number: function(items[number])) as pool:
-        order = sorted(range(len(items)), key=lambda number: items[number] not in first)
+        return [awaited(number, partial(function, item)) for number, item in enumerate(items)]
+    with _forked(processes, _remember_as_one_of, lambda number: function(items[number])) as pool:
+        order = sorted(range(len(items)), key=lambda number: not first or items[number] not in first)
         answers = {number: _answer(pool, partial(function, items[number]), _compute, number) for number in order}
-        return [answers[number]() for number in range(len(items))]
+        return [awaited(number, answers[number]) for number in range(len(items))]
+
+
+def threads(jobs: int) -> int:
+    """So many, but one in a process of `forked_map`: the others have the other cores."""
+    return 1 if _one_of_several else jobs
+
+
+def processor_time() -> float:
+    """Seconds of the processor that this process has taken, and those that it waited for."""
+    return sum(os.times()[:4])
 
 
 def _answer(
@@ -124,12 +146,20 @@ def _forked(processes: int, begin: Callable[..., None], *arguments: Any) -> Iter
 _function: Callable[..., Any] | None = None
 # whether this is the process that `ready_beside` keeps
 _ready = False
+# whether this is a process of `forked_map`
+_one_of_several = False
 
 
 def _remember(function: Callable[..., Any], nice: int = 0) -> None:
     global _function
     _function = function
     os.nice(nice)
+
+
+def _remember_as_one_of(function: Callable[..., Any]) -> None:
+    global _one_of_several
+    _one_of_several = True
+    _remember(function)
 
 
 def _compute(*arguments: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, System
-from mofit.simulation.black_box.engine import FILTER_STEPS, BlackBoxEngine
+from mofit.simulation.evaluation.engine import FILTER_STEPS, BlackBoxEngine
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.time_grid import StepChoice

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
 
 import casadi as ca
 
@@ -30,6 +33,17 @@ class Scheme:
     advance: Advance
     explicit: bool
     cost: float
+
+    @property
+    def digest(self) -> tuple[object, ...]:
+        """All that decides the graph of a step, in brief."""
+        return self.name, self.nodes, self.explicit, self.advance.__module__, self.advance.__qualname__, _source()
+
+
+@cache
+def _source() -> str:
+    """Hash of this module, which writes graphs."""
+    return sha256(Path(__file__).read_bytes()).hexdigest()
 
 
 def _rk4(rhs: RightSide, x: ca.SX, inputs: Sequence[ca.SX], input_rate: ca.SX, h: ca.SX) -> ca.SX:

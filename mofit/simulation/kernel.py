@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,12 @@ from mofit._typing import FloatArray
 from mofit.models import System
 from mofit.simulation.compiler.evaluate import evaluate
 from mofit.simulation.compiler.loop import FIXED, Shape, compile_loop
-from mofit.simulation.compiler.machine import Code
-from mofit.simulation.compiler.program import LANE, Split, contract, trace
+from mofit.simulation.compiler.machine import Code, kept
+from mofit.simulation.compiler.program import LANE, Program, Split, contract, trace
 from mofit.simulation.experiment import ExperimentData
-from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph
+from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
 from mofit.simulation.time_grid import StepLevel, TimeGrid, build_time_grid, find_switches
 
-_RATE = list(GRAPH_INPUTS).index("input_rate")
 #: steps whose part of a table is made at once
 _PART = 20_000
 
@@ -31,6 +31,17 @@ class Table:
         self.nbytes = sum(array.nbytes for array in arrays)
         #: whether some sampling interval takes more than one step
         self.refined = arrays[-1].size > 0
+
+
+def _program(system: System, scheme: Scheme, free: Sequence[str], derivatives: bool) -> Program:
+    """The graph as a program, from the cache where it is kept: building it takes far longer than reading it."""
+    order = tuple(free_first(system.parameters, free))
+    what = ("program", system.hash(), scheme.digest, order, len(free), derivatives)
+
+    def made() -> bytes:
+        return contract(trace(build_graph(system, scheme, free, derivatives)), tuple(GRAPH_INPUTS.values())).serialized
+
+    return Program.deserialized(kept(what, made))
 
 
 class Kernel:
@@ -51,8 +62,7 @@ class Kernel:
     ) -> None:
         self.system, self.scheme, self.reduce, self.fixed_per_lane = system, scheme, reduce, fixed_per_lane
         self.shape = Shape(len(system.states), len(system.outputs), len(free), derivatives)
-        levels = tuple(GRAPH_INPUTS.values())
-        program = contract(trace(build_graph(system, scheme, free, derivatives)), levels)
+        levels, program = tuple(GRAPH_INPUTS.values()), _program(system, scheme, free, derivatives)
         if fixed_per_lane:
             levels = tuple(LANE if index == FIXED else level for index, level in enumerate(levels))
         self.sample = Split(program, levels, (0, 1, 2))
@@ -112,15 +122,18 @@ class Kernel:
     ) -> FloatArray:
         """Values of the table, one per column, for some of the steps."""
         count, length = len(start), end - start
-        points = {
-            # values of a lane: never read
-            "free": np.empty((0, count)),
-            "state": np.empty((0, count)),
-            "input": np.concatenate(
+
+        def everywhere(name: str) -> FloatArray:
+            return np.broadcast_to(shared[name][:, None], (len(shared[name]), count))
+
+        # values of a lane, "free" and "state", are never read
+        points: dict[str, Callable[[], FloatArray]] = {
+            "input": lambda: np.concatenate(
                 [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
             ),
-            "input_rate": experiment.derivative(start) if _RATE in split.table.inputs else np.empty((0, count)),
-            "h": length[None],
-            **{name: np.broadcast_to(values[:, None], (len(values), count)) for name, values in shared.items()},
+            "input_rate": lambda: experiment.derivative(start),
+            **{name: partial(everywhere, name) for name in shared},
+            "h": lambda: length[None],
         }
-        return evaluate(split.table, [points[name] for name in GRAPH_INPUTS])
+        read, none = split.table.inputs, np.empty((0, count))
+        return evaluate(split.table, [points[name]() if i in read else none for i, name in enumerate(GRAPH_INPUTS)])

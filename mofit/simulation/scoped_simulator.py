@@ -99,6 +99,7 @@ class ScopedSimulator(Simulator):
         other = super()._with(**changes)
         assert isinstance(other, ScopedSimulator)
         other._known = OrderedDict()
+        other._recent = OrderedDict()
         return other
 
     def select(self, index: Sequence[int]) -> ScopedSimulator:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
@@ -19,6 +20,11 @@ from mofit.simulation.integrators import RK4
 from mofit.simulation.step_probing import StepProbe
 from mofit.simulation.step_selection import Box, StepRule, StepSelection
 from mofit.simulation.time_grid import StepChoice, StepLevel
+
+#: Bytes of results that are remembered.
+_RECENT_BYTES = 3e7
+#: Tests, steps and sets, with the outputs and slopes of every test; the longest unused first.
+_Recent = OrderedDict[tuple[tuple[ExperimentData, ...], int, tuple[int, ...], bytes], list[FloatArray]]
 
 
 class Simulator:
@@ -80,6 +86,7 @@ class Simulator:
         tests, names = self.experiments, self.free
         self._probe = cache(lambda: StepProbe(system, tests, names, jobs))
         self._selection = StepSelection(self._probe, box, tolerance)
+        self._recent: _Recent = OrderedDict()
 
     def _with(self, **changes: Any) -> Simulator:
         other = copy.copy(self)
@@ -134,8 +141,8 @@ class Simulator:
         return 0
 
     def without_tables(self) -> Simulator:
-        """The same with none of the tables that speed up the next call: frees memory; code is shared."""
-        return self._with(_scheduler=self._scheduler.without_tables())
+        """The same with nothing of what speeds up the next call, tables and results: frees memory; code is shared."""
+        return self._with(_scheduler=self._scheduler.without_tables(), _recent=OrderedDict())
 
     @property
     def rules(self) -> list[StepRule]:
@@ -151,9 +158,25 @@ class Simulator:
     def sensitivities(self, p: ArrayLike) -> list[tuple[FloatArray, FloatArray]]:
         """Outputs (N, n, ny) and their derivatives by the free parameters (N, n, ny, nf), of every test.
 
-        With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np).
+        With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np). Then results are not to be
+        changed: the last ones are given again.
         """
-        return [(values[..., 0], values[..., 1:]) for values in self._stored(p, derivatives=True)]
+        return [(values[..., 0], values[..., 1:]) for values in self._slopes(self._checked(p))]
+
+    def _slopes(self, p: FloatArray) -> list[FloatArray]:
+        """Outputs and slopes of checked sets; where a minimum is judged, they are asked for again and again."""
+        if not self.steps:
+            return self._stored(p, derivatives=True)
+        key = (self.experiments, self.steps, p.shape, p.tobytes())
+        found = self._recent.pop(key, None)
+        if found is None:
+            found = self._stored(p, derivatives=True)
+            for values in found:
+                values.flags.writeable = False
+        self._recent[key] = found
+        while sum(values.nbytes for kept in self._recent.values() for values in kept) > _RECENT_BYTES:
+            self._recent.popitem(last=False)
+        return found
 
     def cost(self, p: ArrayLike) -> FloatArray:
         r"""Weighted squares :math:`\sum_k w_{ky} (y_{ky} - m_{ky})^2` per set and objective, (N, T); nan: failed.

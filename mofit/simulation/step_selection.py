@@ -92,10 +92,13 @@ class StepSelection:
 
     def _measure(self, sets: bytes, count: int) -> dict[ExperimentData, StepChoice]:
         """The cheapest sufficient level of every parameter set."""
-        (explicit, _), (implicit, _) = self._needed(np.frombuffer(sets).reshape(count, -1))
+        (explicit, kinked), (implicit, more) = self._needed(np.frombuffer(sets).reshape(count, -1))
+        settings = self.settings
+        # at kinks every step more helps
+        otherwise = np.where(kinked | more, settings.implicit[-1], settings.unresolved)
         levels = [
-            [self.settings.cheapest(*steps, self.settings.unresolved) for steps in zip(*columns, strict=True)]
-            for columns in zip(explicit.T, implicit.T, strict=True)
+            [settings.cheapest(one, other, int(rest)) for one, other, rest in zip(*columns, strict=True)]
+            for columns in zip(explicit.T, implicit.T, otherwise.T, strict=True)
         ]
         return dict(zip(self._probe().origins, map(StepChoice.of, levels), strict=True))
 

@@ -22,8 +22,8 @@ from mofit.simulation.integrators import Scheme
 _HALVINGS = 20
 #: points per sampling interval at which switches are looked for
 _LOOKS = 8
-#: bisections from there; to about 1e-16 of the interval
-_BISECTIONS = 48
+#: parts that the place of a switch is cut into from there on, and how often: to about 1e-16 of the interval
+_PARTS, _CUTS = 16, 12
 #: sampling intervals that are looked at together: their points take several times the memory of the samples
 _PART = 20_000
 #: systems whose switch functions are remembered
@@ -133,11 +133,14 @@ def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, Flo
         look = sides(time)
         which, at = np.nonzero(look[:, :-1] * look[:, 1:] < 0)
         low, high = time[at], time[at + 1]
-        column = np.arange(len(at))
-        for _ in range(_BISECTIONS if len(at) else 0):
-            middle = 0.5 * (low + high)
-            left = sides(middle)[which, column] == look[which, at]
-            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        column, shares = np.arange(len(at)), np.arange(_PARTS + 1)[:, None] / _PARTS
+        for _ in range(_CUTS if len(at) else 0):
+            # many points at a time: a call takes longer than its points
+            cut = low + shares * (high - low)
+            inner = sides(cut[1:-1].ravel()).reshape(len(look), _PARTS - 1, len(at))
+            past = look[which, at] != inner[which, :, column].T
+            place = np.where(past.any(axis=0), past.argmax(axis=0), _PARTS - 1)
+            low, high = cut[place, column], np.append(cut[1:-1], high[None], axis=0)[place, column]
         within = np.flatnonzero(np.any(look == 0, axis=0))
         within = within[within % _LOOKS != 0]  # both parts see their common sample, which is left out
         return np.concatenate([low, time[within]]), np.concatenate([high, time[within]])

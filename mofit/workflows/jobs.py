@@ -61,7 +61,7 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
 def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
     """Read, diagnose, write page and ``diagnosis.json``; returns the folder and what ``--json`` prints."""
     from mofit.diagnosis.diagnose import diagnose
-    from mofit.diagnosis.pages import write_diagnosis
+    from mofit.diagnosis.page_beside import page_beside
     from mofit.diagnosis.result import summary as plain
 
     campaign, chosen = _inputs(job, progress)
@@ -70,10 +70,11 @@ def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
     configuration |= {"hold_out": list(job.hold_out)} if job.hold_out else {}
     tests = _tests(campaign, model, job)
-    with run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False) as folder:
+    place = run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False)
+    with place as folder, page_beside() as drawn:
         found = diagnose(campaign, model, effects, job.settings, tests=tests, hold_out=job.hold_out, progress=progress)
         progress("write", 0, 1, "page")
-        write_diagnosis(found, folder.partial)
+        drawn(found, folder.partial)
     return folder.target, plain(found)
 
 

@@ -170,9 +170,8 @@ def coverage_table(rows: Sequence[dict]) -> list[str]:
     )
     shares = ", ".join(f"{100 * share:.0f} %" for share in inside.mean(axis=0))
     used = [row["simulations"] for row in rows]
-    line = (
-        len(rows), f"{100 * inside.mean():.1f} % of {count}", f"{100 * error:.1f} %", shares, f"{min(used)} to {max(used)}"
-    )  # fmt: skip
+    share = f"{100 * inside.mean():.1f} % of {count}"
+    line = (len(rows), share, f"{100 * error:.1f} %", shares, f"{min(used)} to {max(used)}")
     worst = max(row["error"] for row in rows)
     text = f"The largest error of an emulator was {worst:.2g} nats; {sum(row['converged'] for row in rows)} converged."
     return ["## Calibration", "", *table(columns, [line]), text, ""]
@@ -201,9 +200,9 @@ def main() -> None:
         row = kept(work / "slow.json", lambda: slow(work))
         lines += [
             "## A slow function", "",
-            f"0.2 s per record: {row['simulations']} simulations and {row['seconds']:.0f} s for the whole job, emulator "
-            f"{row['error']:.2g} nats; the truth of {row['inside']} of {row['parameters']} parameters lies in its 90 % "
-            "interval.", "",
+            f"0.2 s per record: {row['simulations']} simulations and {row['seconds']:.0f} s for the whole job; the "
+            f"emulator errs by {row['error']:.2g} nats, and the truth of {row['inside']} of {row['parameters']} "
+            "parameters lies in its 90 % interval.", "",
         ]  # fmt: skip
     if "calibration" in wanted:
         numbers = range(arguments.campaigns)

@@ -160,7 +160,7 @@ def test_wrong_options_are_refused(rig, gain, empty, capsys):
         (["import", rig], "--map", "--guess"),
         (["import", rig, "--guess"], "no file of a known format"),
         (["export", "absent", "--to", "c"], "absent"),
-        (["export", "absent", "--to", "fmu"], "fmu"),
+        (["export", "absent", "--to", "matlab"], "matlab"),
     ):
         refused(arguments, empty, capsys, *words)
 

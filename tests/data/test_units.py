@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mofit.units import SI_UNITS, UnitError, normal, si_unit, to_si
+from mofit.units import SI_UNITS, UnitError, base_units, normal, si_unit, to_si
 
 FACTORS = [
     ("deg", "rad", np.pi / 180),
@@ -59,3 +59,28 @@ def test_a_unit_that_does_not_fit_names_both(unit, si):
 def test_an_unknown_unit_is_named(unit):
     with pytest.raises(UnitError):
         si_unit(unit)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "powers"),
+    [
+        ("N s/m", 1.0, {"kg": 1, "s": -1}),
+        ("N m/rad", 1.0, {"kg": 1, "m": 2, "s": -2, "rad": -1}),
+        ("V", 1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
+        ("Hz", 1.0, {"s": -1}),
+        ("1", 1.0, {}),
+        ("kN", 1e3, {"kg": 1, "m": 1, "s": -2}),
+        ("g", 1e-3, {"kg": 1}),
+        ("m/s/s^2", 1.0, {"m": 1, "s": -3}),
+    ],
+)
+def test_units_are_powers_of_the_base_units(unit, factor, powers):
+    found = base_units(unit)
+    assert found[0] == pytest.approx(factor, rel=1e-12)
+    assert found[1] == powers
+
+
+@pytest.mark.parametrize("unit", ["mystery", "bit/s", "degC"])
+def test_a_unit_of_something_else_or_with_an_offset_has_no_base_units(unit):
+    with pytest.raises(UnitError):
+        base_units(unit)

@@ -19,6 +19,7 @@ from mofit.diagnosis.settings import DiagnosisSettings, NextExperimentSettings
 from mofit.errors import InputError
 from mofit.identification.settings import Settings
 from mofit.models import find_model
+from mofit.runtime.parallel import may_fork
 
 FRICTION = (("dry_friction", (("F_d", 30.0),)),)
 TWO = (("quadratic_damping", (("d_2", 1500.0),)), ("cubic_stiffness", (("k_c", 8e6),)))
@@ -207,3 +208,32 @@ def test_an_effect_that_does_not_fit_is_refused() -> None:
         diagnose(damper_campaign(), model, ("slip_offset",), Settings(jobs=1))
     with pytest.raises(InputError, match="unknown name"):
         diagnose(damper_campaign(), model, ("no_such",), Settings(jobs=1))
+
+
+CUBE = """
+from mofit.models import Applied, Effect
+from mofit.parameters import Parameter
+
+class Cube(Effect):
+    name, on, needs = "cube", ("damper_force",), ("velocity",)
+    parameters = (Parameter("k_v", "N s^3/m^3", -1e6, 1e6, 1e3, neutral=0.0),)
+
+    def apply(self, s, value):
+        return Applied(value + s.k_v * s.velocity**3)
+"""
+
+
+@pytest.mark.skipif(not may_fork(), reason="needs fork and two cores")
+def test_results_do_not_depend_on_the_number_of_processes(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(CUBE, encoding="utf-8")  # a class that no process could send
+    names = ("dry_friction", "delay", "quadratic_damping", f"{tmp_path / 'own.py'}:Cube")
+    campaign, model = damper_campaign(FRICTION), find_model("kelvin_voigt_damper")
+    told = list[str]()
+
+    def listen(stage: str, done: float, total: float, note: str) -> None:
+        told.append(note)
+
+    one, two = (summary(diagnose(campaign, model, names, Settings(jobs=jobs), progress=listen)) for jobs in (1, 2))
+    assert two["verdict"] == "effect"
+    assert {**one, "seconds": 0} == {**two, "seconds": 0}
+    assert told.count("cube") == 4  # its score test and its refit, twice

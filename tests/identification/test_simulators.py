@@ -102,7 +102,7 @@ def test_the_template_is_identified(tmp_path):
     from mofit.cli import main
 
     file = tmp_path / "campaign.nc"
-    time = np.arange(400) * 0.01
+    time = np.arange(100) * 0.01
     x = 0.02 * np.sin(2 * np.pi * 2 * time)
     record = mofit.Record("a", time, {"displacement": x}, {})
     force = template.function(record, {"k": 2e4, "d": 400.0, "c": 5e4})
@@ -112,7 +112,7 @@ def test_the_template_is_identified(tmp_path):
     mofit.write_campaign(mofit.Campaign("rig", "simulated", {}, (test,)), file)
     out = tmp_path / "run"
     code = main([
-        "identify", str(file), "--model", f"{ROOT / 'examples' / 'own_simulator.py'}:damper", "--simulations", "600",
+        "identify", str(file), "--model", f"{ROOT / 'examples' / 'own_simulator.py'}:damper", "--simulations", "300",
         "--out", str(out), "--jobs", "1",
     ])  # fmt: skip
     assert code == 0
@@ -121,4 +121,4 @@ def test_the_template_is_identified(tmp_path):
     for name, value in truth.items():
         one = best.sel(parameter=name)
         assert abs(float(one["mean"]) - value) < 4 * float(one["sd"])
-    assert json.loads(mofit.open(out).attrs["simulations"])["count"] <= 600
+    assert json.loads(mofit.open(out).attrs["simulations"])["count"] <= 300

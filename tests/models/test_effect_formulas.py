@@ -210,12 +210,27 @@ class RateFirst(Model):
 
     name = "rate_first"
     parameters = (Parameter("c", "N/m", 0.0, 1e4, 100.0), Parameter("d", "N s/m", 0.0, 10.0, 1.0))
-    inputs = (Channel("displacement", "m"), Channel("stroke_rate", "m/s", derivative_of="displacement"))
+    inputs = (Channel("displacement", "m"), Channel("rate", "m/s", derivative_of="displacement"))
     outputs = (Channel("force", "N"),)
 
     def equations(self, s):
-        damping = s.d * s.stroke_rate
+        damping = s.d * s.rate
         return Equations(outputs={"force": damping + s.c * s.displacement})
+
+
+class RateAlone(RateFirst):
+    """The displacement is in the campaign, but no input of the model."""
+
+    inputs = (Channel("rate", "m/s", derivative_of="displacement"),)
+
+    def equations(self, s):
+        return Equations(outputs={"force": s.d * s.rate})
+
+
+def test_a_rate_may_be_the_only_input():
+    time = np.arange(100) / 100
+    found = output(RateAlone(), {"c": 0.0, "d": 2.0}, {"rate": np.sin(6 * time)}, 0.01)
+    np.testing.assert_allclose(found, 2 * np.sin(6 * time), atol=1e-12)
 
 
 def test_a_play_acts_on_the_rate_whatever_its_name_and_whichever_the_equations_use_first():
@@ -223,7 +238,7 @@ def test_a_play_acts_on_the_rate_whatever_its_name_and_whichever_the_equations_u
     x, v = 0.01 * np.sin(2 * np.pi * time), 0.02 * np.pi * np.cos(2 * np.pi * time)
     own, shipped = with_effects(RateFirst(), find_effect("backlash")), extended("kelvin_voigt_damper", "backlash")
     values = {"c": 200.0, "p": 0.0, "d": 2.0, "F_0": 0.0, "b_0": 1e-3}
-    found = output(own, values, {"displacement": x, "stroke_rate": v}, 1e-3)
+    found = output(own, values, {"displacement": x, "rate": v}, 1e-3)
     np.testing.assert_allclose(found, output(shipped, values, {"displacement": x, "velocity": v}, 1e-3), atol=1e-9)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mofit.errors import InputError
-from mofit.runtime.parallel import beside, forked_map, may_fork, ready_beside
+from mofit.runtime.parallel import beside, forked_map, may_fork, processor_time, ready_beside, threads
 
 pytestmark = pytest.mark.skipif(not may_fork(), reason="needs fork and two cores")
 
@@ -126,3 +126,27 @@ def _alive(process: int) -> bool:
         return status.read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_a_map_tells_of_every_item_in_order(processes):
+    told = []
+    assert forked_map(lambda item: item + 1, [1, 2, 3], processes, tell=told.append) == [2, 3, 4]
+    assert told == [0, 1, 2]
+
+
+def test_the_time_of_processes_beside_counts():
+    def busy(_):
+        begun = time.process_time()
+        while time.process_time() < begun + 0.2:
+            pass
+
+    before, own = processor_time(), time.process_time()
+    forked_map(busy, [1, 2], 2)
+    assert processor_time() - before > time.process_time() - own + 0.3
+
+
+def test_processes_of_a_map_take_one_thread_each():
+    assert forked_map(threads, [4, 4], 2) == [1, 1]
+    assert forked_map(threads, [4, 4], 1) == [4, 4]
+    assert threads(4) == 4

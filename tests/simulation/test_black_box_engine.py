@@ -9,8 +9,8 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.models import Addition, Channel, Effect, Scaling, Simulator, with_effects
 from mofit.models.model import Applied
 from mofit.parameters import Parameter
-from mofit.problem import build_problem
-from mofit.simulation.black_box.evaluations import evaluations_of, with_evaluations
+from mofit.problem import build_problem, model_failures
+from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
 
 
 class Lag(Effect):
@@ -142,6 +142,17 @@ def test_a_failure_is_a_failed_point_and_says_why():
     assert np.isnan(found[1]).all()
     assert (problem.evaluations.count, problem.evaluations.failed) == (2, 1)
     assert problem.log_posterior(np.array([[0.6, 0.5]]))[0] == -np.inf
+
+
+def test_a_simulator_that_always_fails_is_told_in_its_own_words():
+    def broken(record, parameters):
+        raise RuntimeError("no licence")
+
+    problem = build_problem(line_simulator(broken), campaign(sine_test()))
+    (issue,) = model_failures(problem, problem.space.nominal)
+    assert issue.where == "model 'broken', test 'sine'"
+    assert "the simulator fails" in issue.message
+    assert "no licence" in issue.message
 
 
 def test_beyond_the_limit_nothing_is_simulated():

@@ -2,9 +2,17 @@
 
 import ctypes
 
+import numpy as np
 import pytest
+from casadi import OP_ADD, OP_CONST, OP_INPUT
+from hypothesis import given
+from hypothesis import strategies as st
+from kernel_models import RELAXATION, sine_experiment
 
+from mofit.simulation import Simulator
+from mofit.simulation.compiler.loop import compile_loop
 from mofit.simulation.compiler.machine import CACHE_VARIABLE, cache_folder, compile_entry, keep_code, load_code
+from mofit.simulation.compiler.program import Node, Program
 
 SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
 TWICE = """
@@ -72,3 +80,28 @@ def test_old_files_go(place):
         keep_code(str(number), b"code", most_files=3)
     assert len(list(place.iterdir())) == 3
     assert load_code("5") == b"code"
+
+
+def simulated():
+    simulator = Simulator(RELAXATION, [sine_experiment(RELAXATION)], steps=2)
+    return simulator.sensitivities([[0.3, 2.0, 0.5]])[0]
+
+
+def test_a_kept_program_gives_the_same_numbers(place):
+    compile_loop.cache_clear()  # of this process
+    first = simulated()
+    before = {file.name: file.stat().st_mtime_ns for file in place.iterdir()}
+    compile_loop.cache_clear()
+    for new, old in zip(simulated(), first, strict=True):
+        np.testing.assert_array_equal(new, old)
+    assert {file.name: file.stat().st_mtime_ns for file in place.iterdir()} == before
+
+
+@given(st.lists(st.floats(), min_size=1, max_size=4))
+def test_a_program_comes_back_as_it_was(values):
+    nodes = [Node(OP_CONST, value=value) for value in values]
+    program = Program((*nodes, Node(OP_INPUT, value=(0, 1)), Node(OP_ADD, (0, len(nodes)))), ((len(nodes) + 1,),))
+    again = Program.deserialized(program.serialized)
+    assert repr(again) == repr(program)  # nan and -0.0, too
+    assert again.digest == program.digest
+    assert again.digest != Program(program.nodes, ((0,),)).digest

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mofit.parameters import Parameter, ParameterSpace
-from mofit.simulation.black_box.differences import LARGEST, LEAST, find_steps, moved, nodes, noise_level, slope
+from mofit.simulation.evaluation.differences import LARGEST, LEAST, find_steps, moved, nodes, noise_level, slope
 
 SPACE = ParameterSpace((Parameter("a", "1", 0.0, 1.0, 0.5), Parameter("b", "1", 0.1, 10.0, 1.0, "log")))
 

@@ -6,9 +6,9 @@ from simulators import lagging_simulator, line_simulator
 from straight_line import campaign, sine_test
 
 from mofit.problem import build_problem
-from mofit.simulation.black_box.emulated import EmulatedSimulator
-from mofit.simulation.black_box.emulator import Coordinates, Emulator
-from mofit.simulation.black_box.surface import Surface, coefficients
+from mofit.simulation.evaluation.emulated import EmulatedSimulator
+from mofit.simulation.evaluation.emulator import Coordinates, Emulator
+from mofit.simulation.evaluation.surface import Surface, coefficients
 
 
 def emulated(problem, centre, sd, count, seed=0):

@@ -130,3 +130,19 @@ def test_tests_leave_the_memory_with_their_simulator(bounded):
     if not bounded:  # what was measured is remembered in a circle
         gc.collect()
     assert seen() is None
+
+
+def test_results_of_a_single_set_are_those_of_many_whatever_was_asked_before():
+    experiments = [sine_experiment(RELAXATION, frequency) for frequency in (0.5, 2.0)]
+    simulator, p = Simulator(RELAXATION, experiments, steps=1), draw(RELAXATION, 6)
+    finer, other = simulator.with_steps(2), simulator.with_experiments(experiments[1:])
+    for _ in range(2):  # the second time some are remembered
+        for one in (simulator, finer, other):
+            whole = one.sensitivities(p)
+            for row in range(len(p)):
+                for (y, dy), (many, slopes) in zip(one.sensitivities(p[row]), whole, strict=True):
+                    np.testing.assert_array_equal(y[0], many[row])
+                    np.testing.assert_array_equal(dy[0], slopes[row])
+    (y, _), *_ = simulator.sensitivities(p[-1])
+    with pytest.raises(ValueError, match="read-only"):
+        y += 1.0

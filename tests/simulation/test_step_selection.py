@@ -4,9 +4,10 @@ import casadi as ca
 import numpy as np
 import pytest
 from kernel_models import DYNAMIC, NOMINAL, OSCILLATOR, RELAXATION, TYRE, dynamic_box, sine_experiment, tyre_experiment
+from kernel_response import point, simulator
 
 from mofit.errors import InputError
-from mofit.models import Channel, Equations, Model, build_system
+from mofit.models import Channel, Equations, Model, build_system, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
 from mofit.simulation import Simulator
 from mofit.simulation.integrators import RK4, RODAS4
@@ -59,6 +60,17 @@ def test_fast_undamped_oscillations_have_outputs_though_no_step_level_resolves_t
     experiment = sine_experiment(OSCILLATOR, 1.0, 60)
     simulator = Simulator(OSCILLATOR, [experiment], box=([1e-6, 1e-6, 1.0], [1.0, 1.0, 1e8]))
     assert np.all(np.isfinite(simulator.simulate([1e-6, 1e-6, 1e8])[0]))
+
+
+def test_kinks_that_no_step_level_resolves_take_the_finest():
+    time = np.arange(1000) / 500
+    x = 0.01 * np.sin(8 * time) * np.cos(0.7 * time)
+    channels = {"displacement": x, "velocity": np.gradient(x, time)}
+    model = with_effects(find_model("kelvin_voigt_damper"), find_effect("backlash"))
+    fine, values = simulator(model, [(channels, {})], 1 / 500, steps=512), point(model, {"b_0": 1e-3})
+    chosen = Simulator(build_system(model), fine.experiments, ())
+    (expected,), (found,) = fine.simulate(values), chosen.simulate(values)
+    assert np.max(np.abs(found - expected)) < 0.01 * np.ptp(expected)
 
 
 def test_bounds_that_coincide_are_a_box_too():

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 from mofit._typing import FloatArray
 
@@ -143,7 +142,7 @@ def _fit(filled: FloatArray, power: FloatArray, known: NDArray[np.bool_], turn: 
     information = derivatives[known].T @ derivatives[known]
     order = turn.shape[1] - 1
     criterion = float(np.sum(np.log(spectrum[known]) + power[known] / spectrum[known])) + order + 1
-    variance = np.einsum("ki,ij,kj->k", derivatives, np.linalg.pinv(information), derivatives)
+    variance = np.sum((derivatives @ np.linalg.pinv(information)) * derivatives, axis=1)
     return _Fit(criterion, np.log(spectrum), variance)
 
 
@@ -151,10 +150,11 @@ def _fitted(
     filled: FloatArray, power: FloatArray, known: NDArray[np.bool_], turn: NDArray[Any]
 ) -> tuple[FloatArray, FloatArray]:
     """Transfer function of the whitening filter, and the spectrum, on the bins; ``turn`` is exp(-i omega lag)."""
-    lags = np.ascontiguousarray(turn.real.T)
+    lags, order = np.ascontiguousarray(turn.real.T), turn.shape[1] - 1
+    apart = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
     for _ in range(SETTINGS.fill_rounds):
         covariance = lags @ filled
-        a = solve_toeplitz(covariance[:-1], -covariance[1:]) if len(lags) > 1 else np.empty(0)
+        a = np.linalg.solve(covariance[apart], -covariance[1:])
         whitening = 1 + turn[:, 1:] @ a
         shape = 1 / np.abs(whitening) ** 2
         spectrum = np.maximum(shape * np.mean(power[known] / shape[known]), _TINY)

@@ -48,23 +48,30 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> Path:
         The page. Style, script and figures are inside; nothing is fetched.
     """
     data = page_data(diagnosis)
+    effect = effect_file(diagnosis.proposed, data["campaign"], data["model_title"]) if diagnosis.proposed else ""
+    return write_files(data, effect, folder)
+
+
+def write_files(data: Mapping[str, Any], effect: str, folder: Path, processes: int = 1) -> Path:
+    """Write page, numbers and, where there is one, the text of a proposed ``effect``; so many processes draw."""
     sections = draw_sections(
         [
             verdict_section,
             where_section,
             effects_section,
             shrinkage_section,
-            *([proposed_section] if diagnosis.proposed else []),
+            *([proposed_section] if effect else []),
             ruled_out_section,
             homogeneity_section,
             closing_section,
         ],
         data,
+        processes=processes,
+        first=[shrinkage_section],
     )
     write_json(folder / "diagnosis.json", data)
-    if diagnosis.proposed:
-        text = effect_file(diagnosis.proposed, data["campaign"], data["model_title"])
-        (folder / EFFECT_FILE).write_text(text, encoding="utf-8")
+    if effect:
+        (folder / EFFECT_FILE).write_text(effect, encoding="utf-8")
     source = f"{data['model_title']} · {data['campaign']} ({data['source']})"
     return write_page(folder / "diagnosis.html", "Diagnosis of the gap", source, sections)
 

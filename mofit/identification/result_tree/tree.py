@@ -42,6 +42,7 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         "/": _root(outcome),
         "/parameters": _parameters(outcome),
         **_fixed(outcome),
+        **_conditions(outcome.problem),
         **_search(outcome),
         "/minima": _minima(outcome),
         "/observed_data": measured_signals(outcome.problem),
@@ -141,6 +142,20 @@ def _fixed(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         if p.name in fixed
     }
     return {"/fixed": xr.Dataset(variables)} if variables else {}
+
+
+def _conditions(problem: Problem) -> dict[str, xr.Dataset]:
+    """Conditions of the model in every test, as the simulation saw them."""
+    declared = problem.model.conditions
+    if not declared:
+        return {}
+    values = np.stack([experiment.conditions for experiment in problem.experiments])
+    axes = {
+        "test": axis("test", list(problem.tests)),
+        "condition": axis("condition", [c.name for c in declared]),
+        "unit": quantity("condition", [c.unit for c in declared], "1", "SI unit of the condition"),
+    }
+    return {"/conditions": group_dataset("/conditions", {"value": values}, axes)}
 
 
 def _constant_data(problem: Problem) -> xr.Dataset:

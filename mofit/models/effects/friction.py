@@ -189,7 +189,7 @@ class Backlash(Effect):
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """Input behind the play."""
-        position, free, measured = s.play_position, s.play_free, s.rate
+        position, free, measured = s.play_position, s.play_free, s.target_rate
         following = FOLLOWING * s.sample_interval
         # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
         # where the input rests without play, it was reached from zero

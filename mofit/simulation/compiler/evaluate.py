@@ -6,7 +6,6 @@ import ctypes
 from collections.abc import Sequence
 from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 from llvmlite import ir
 
@@ -39,7 +38,7 @@ def evaluate(program: Program, points: Sequence[FloatArray], lanes: int = 8) -> 
 
 @lru_cache(maxsize=256)
 def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
-    what = ("evaluate", ca.CasadiMeta.version(), program, sizes, lanes)
+    what = ("evaluate", program.digest, sizes, lanes)
     return compile_entry(what, lambda: _text(program, sizes, lanes), LIBM_NAMES, _SIGNATURE)
 
 

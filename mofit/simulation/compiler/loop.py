@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
-from casadi import OP_CONST, CasadiMeta
+from casadi import OP_CONST
 from llvmlite import ir
 
 from mofit.simulation.compiler.emit import F64, I64, LIBM_NAMES, PTR, Emitter
@@ -73,7 +73,7 @@ def compile_loop(sample: Split, substep: Split | None, shape: Shape, reduce: boo
     ``sample``, then further steps by ``substep`` if the loop is refined. With ``reduce`` the loop sums weighted
     squares, else it stores the outputs of every sample.
     """
-    what = ("loop", CasadiMeta.version(), sample, substep, shape, reduce, lanes)
+    what = ("loop", sample.digest, substep and substep.digest, shape, reduce, lanes)
     return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), LIBM_NAMES, _SIGNATURE)
 
 

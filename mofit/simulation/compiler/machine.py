@@ -2,7 +2,7 @@
 
 A file is named by the hash of everything that decides its content (graph, this package, processor, LLVM) and begins
 with the hash of the code in it: a damaged file is ignored and written anew. Files are replaced atomically. Without a
-folder that can be written to, nothing is kept.
+folder that can be written to, nothing is kept. Programs are kept there, too (`kept`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from pathlib import Path
 
 import llvmlite
 import llvmlite.binding as llvm
+from casadi import CasadiMeta
 
 #: Names the folder instead of the user's cache folder; empty: nothing is kept.
 CACHE_VARIABLE = "MOFIT_KERNEL_CACHE"
@@ -112,15 +113,25 @@ def _package() -> str:
 
 def _object(what: object, text: Callable[[], str], target: Host) -> bytes:
     """Machine code of a module, from the cache where it is kept."""
-    versions = (_package(), target.name, llvm.llvm_version_info, llvmlite.__version__)
-    key = sha256(repr((what, *versions)).encode()).hexdigest()
-    code = load_code(key)
-    if code is None:
+
+    def compiled() -> bytes:
         # what passes over the text would simplify is simple already: they take time and gain nothing
-        module = llvm.parse_assembly(text())
-        code = target.machine.emit_object(module)
-        keep_code(key, code)
-    return code
+        return target.machine.emit_object(llvm.parse_assembly(text()))
+
+    return kept((what, target.name, llvm.llvm_version_info, llvmlite.__version__), compiled)
+
+
+def kept(what: object, make: Callable[[], bytes]) -> bytes:
+    """Bytes from the cache, or made and kept there.
+
+    ``what`` is all that decides them apart from this package and CasADi, whose numbers of operations they hold.
+    """
+    key = sha256(repr((what, _package(), CasadiMeta.version())).encode()).hexdigest()
+    found = load_code(key)
+    if found is None:
+        found = make()
+        keep_code(key, found)
+    return found
 
 
 def cache_folder() -> Path | None:

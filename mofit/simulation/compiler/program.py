@@ -6,12 +6,17 @@ per test, into a table; values that are constant in time are computed once per j
 
 from __future__ import annotations
 
+import marshal
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from typing import NamedTuple
 
 import casadi as ca
+
+#: of `marshal`: later ones write equal values differently
+_FORMAT = 2
 
 #: bits of a level: the value changes over time, from lane to lane
 TIME, LANE = 1, 2
@@ -45,6 +50,22 @@ class Program:
     @cached_property
     def _hash(self) -> int:
         return hash((self.nodes, self.outputs))
+
+    @cached_property
+    def serialized(self) -> bytes:
+        """The program as bytes, the same for equal programs."""
+        return marshal.dumps(([tuple(node) for node in self.nodes], self.outputs), _FORMAT)
+
+    @classmethod
+    def deserialized(cls, content: bytes) -> Program:
+        """The program from its bytes."""
+        nodes, outputs = marshal.loads(content)
+        return cls(tuple(Node(*node) for node in nodes), outputs)
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of the bytes."""
+        return sha256(self.serialized).hexdigest()
 
     def levels(self, inputs: Sequence[int]) -> list[int]:
         """Level of every node from the level of every input."""
@@ -82,6 +103,11 @@ class Split:
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
 
+    @property
+    def digest(self) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
+        """All that decides it, in brief."""
+        return self.program.digest, self.inputs, self.outputs
+
     @cached_property
     def levels(self) -> list[int]:
         """Level of every node."""
@@ -116,7 +142,8 @@ class Split:
     @cached_property
     def table(self) -> Program:
         """Computes `constant` and `varying` from the graph's inputs."""
-        return Program(self.program.nodes, (self.constant + self.varying,))
+        # only what they need: models that differ elsewhere share the code
+        return pruned(Program(self.program.nodes, (self.constant + self.varying,)))
 
 
 class _Builder:

@@ -1,4 +1,4 @@
-"""Evaluations of users' simulators: in processes that may crash or hang, on a cluster, kept on disk."""
+"""Evaluations of users' simulators: in processes, on a cluster, kept on disk; their slopes, and emulators of them."""
 
 from mofit.simulation.evaluation.cached import Cached
 from mofit.simulation.evaluation.dask_executor import DaskExecutor

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mofit.simulation.black_box.evaluations import Evaluations
 from mofit.simulation.evaluation import Cached, DaskExecutor, Executor, IsolatedExecutor
+from mofit.simulation.evaluation.evaluations import Evaluations
 
 #: File in which simulations are kept while a job works.
 KEPT = "evaluations.sqlite"

@@ -11,9 +11,9 @@ import numpy as np
 
 from mofit.models import Model, Record, Simulator
 from mofit.models.effect import ExtendedModel
-from mofit.simulation.black_box.differences import Step
-from mofit.simulation.black_box.in_process import InProcess, OneOfMany, evaluate_many
 from mofit.simulation.evaluation import Evaluation, Executor, Task
+from mofit.simulation.evaluation.differences import Step
+from mofit.simulation.evaluation.in_process import InProcess, OneOfMany, evaluate_many
 
 #: bytes of answers that are remembered
 _REMEMBERED = 1_000_000_000
@@ -62,7 +62,7 @@ class Evaluations:
         self.refused = 0
         """Simulations that were asked for beyond the limit."""
         self.steps: dict[str, Step] = {}
-        """Steps of differences by parameter, see `mofit.simulation.black_box.differences`."""
+        """Steps of differences by parameter, see `mofit.simulation.evaluation.differences`."""
 
     @property
     def left(self) -> float:

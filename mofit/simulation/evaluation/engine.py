@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import BlackBoxSystem, Record
-from mofit.simulation.black_box.differences import FINE, Step, find_steps, moved, nodes, slope
-from mofit.simulation.black_box.evaluations import Call, Evaluations
-from mofit.simulation.black_box.filters import Filter
+from mofit.simulation.evaluation import Evaluation
+from mofit.simulation.evaluation.differences import FINE, Step, find_steps, moved, nodes, slope
+from mofit.simulation.evaluation.evaluations import Call, Evaluations
+from mofit.simulation.evaluation.filters import Filter
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import RK4
 from mofit.simulation.time_grid import StepChoice, StepLevel
@@ -72,10 +73,18 @@ class BlackBoxEngine:
 
     def simulated(self, experiment: ExperimentData, p: FloatArray) -> FloatArray:
         """What the simulator itself gives in a test at one set (np,), lead included, (lead + n, ny); nan: failed."""
-        choice = StepChoice.everywhere(StepLevel(RK4, FILTER_STEPS), 1)
-        (answer,) = self.evaluations.run(self._calls(experiment, p[None], choice))
+        answer = self._answer(experiment, p)
         lacking = np.full((experiment.samples, len(self.system.box.outputs)), np.nan)
         return lacking if answer.outputs is None else answer.outputs
+
+    def failure(self, experiment: ExperimentData, p: FloatArray) -> str | None:
+        """Why the simulator fails in a test at one set (np,); None if it does not."""
+        return self._answer(experiment, p).failure
+
+    def _answer(self, experiment: ExperimentData, p: FloatArray) -> Evaluation:
+        choice = StepChoice.everywhere(StepLevel(RK4, FILTER_STEPS), 1)
+        (answer,) = self.evaluations.run(self._calls(experiment, p[None], choice))
+        return answer
 
     def _parts(self, experiments: Sequence[ExperimentData], p: FloatArray, derivatives: bool) -> Iterator[slice]:
         """The sets in parts that fit into memory."""

@@ -1,7 +1,7 @@
 r"""An emulator of the response: a simulator that costs nothing, around one point.
 
 The responses of a test at K parameter sets span a space of few dimensions (principal components, by the weights of the
-fit). Its coordinates c are smooth functions of the parameters (`mofit.simulation.black_box.surface`):
+fit). Its coordinates c are smooth functions of the parameters (`mofit.simulation.evaluation.surface`):
 
 .. math:: y(p) \approx \bar y + B \, c(z), \quad z = L^{-1} (u(p) - u_0)
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
-from mofit.simulation.black_box.surface import Surface
+from mofit.simulation.evaluation.surface import Surface
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.time_grid import StepChoice
 

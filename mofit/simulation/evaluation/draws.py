@@ -6,8 +6,8 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
-from mofit.simulation.black_box.emulator import Coordinates, Emulator
-from mofit.simulation.black_box.surface import coefficients
+from mofit.simulation.evaluation.emulator import Coordinates, Emulator
+from mofit.simulation.evaluation.surface import coefficients
 from mofit.simulation.simulator import Simulator
 
 #: Simulated draws per coefficient of a quadratic, and at least.

@@ -7,7 +7,7 @@ from typing import Any
 
 from mofit._typing import FloatArray
 from mofit.models import System
-from mofit.simulation.black_box.emulator import Emulator
+from mofit.simulation.evaluation.emulator import Emulator
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.simulator import Simulator
 from mofit.simulation.step_selection import Box

@@ -1,0 +1,103 @@
+"""Candidates and refits computed by several processes.
+
+What a process sends back is what the caller lacks: compiled models and effects of a user's file do not pickle. Results
+are the same for any number of processes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.candidates import Candidate, prepare
+from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.refit import NotFittedError, refit
+from mofit.diagnosis.score_test import ScoreTest
+from mofit.models import Effect
+from mofit.optimize import Minimum
+from mofit.parameters import Parameter
+from mofit.runtime.parallel import forked_map
+from mofit.runtime.progress import Progress
+from mofit.simulation.ranges import with_parameters
+
+#: Most processes: each needs memory of its own, and few refits take long.
+_MOST = 8
+
+
+@dataclass(frozen=True)
+class _Sent:
+    """A discrepancy without its effect, but with that one's parameters, the ranges of which a fit may widen."""
+
+    point: Mapping[str, float]
+    around: FloatArray
+    shift: FloatArray
+    sensitivity: FloatArray
+    parameters: tuple[Parameter, ...]
+
+    @classmethod
+    def of(cls, one: Discrepancy) -> _Sent:
+        """What is sent of it."""
+        return cls(dict(one.point), one.around, one.shift, one.sensitivity, tuple(one.effect.parameters))
+
+    def of_effect(self, effect: Effect) -> Discrepancy:
+        """The discrepancy, its effect being this one in maybe wider ranges."""
+        same = self.parameters == tuple(effect.parameters)
+        own = effect if same else with_parameters(effect, self.parameters)
+        return Discrepancy(own, self.point, self.around, self.shift, self.sensitivity)
+
+
+def _processes(fitted: Fitted) -> int:
+    observed = fitted.hypothesis.observed
+    if observed.problem.evaluations is not None:  # a forked process would count its simulations for itself
+        return 1
+    return min(observed.simulators.jobs, _MOST)
+
+
+def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> list[Candidate]:
+    """What every effect adds to the fitted model, see `mofit.diagnosis.candidates.prepare`."""
+
+    def sent(effect: Effect) -> tuple[Any, ...]:
+        one = prepare(fitted, effect)
+        return [_Sent.of(part) for part in one.discrepancies], one.sensitivities, one.columns, one.steps
+
+    def tell(number: int) -> None:
+        progress("score test", number, len(effects), effects[number].name)
+
+    found = forked_map(sent, effects, _processes(fitted), tell=tell)
+    return [
+        Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
+        for effect, (parts, *rest) in zip(effects, found, strict=True)
+    ]
+
+
+def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress: Progress) -> list[Fitted | str]:
+    """The refit with each of the added effects, or why there is none; see `mofit.diagnosis.refit.refit`."""
+    old = fitted.hypothesis
+    present = [effect.name for effect in old.effects]
+
+    def sent(one: ScoreTest) -> tuple[list[_Sent], int, Minimum, FloatArray, FloatArray] | str:
+        try:
+            found = refit(fitted, one, limit)
+        except NotFittedError as error:
+            return str(error)
+        parts = [_Sent.of(part) for part in found.hypothesis.discrepancies]
+        return parts, found.hypothesis.steps, found.minimum, found.residual, found.jacobian
+
+    def tell(number: int) -> None:
+        progress("refit", number, len(added), " + ".join([*present, added[number].name]))
+
+    models = list[Fitted | str]()
+    for one, found in zip(added, forked_map(sent, added, _processes(fitted), tell=tell), strict=True):
+        if isinstance(found, str):
+            models.append(found)
+            continue
+        parts, steps, minimum, residual, jacobian = found
+        effects = (*old.effects, one.effect)
+        discrepancies = [part.of_effect(effect) for part, effect in zip(parts, effects, strict=True)]
+        model = hypothesis(old.observed, discrepancies).with_steps(steps)
+        models.append(Fitted(model, minimum, residual, jacobian))
+    return models
