@@ -38,7 +38,17 @@ app = App(
 
 ModelName = Annotated[
     str | None,
-    Parameter(help="Name of a shipped model, or path/to/file.py:Name. By default the channels decide."),
+    Parameter(
+        help="Name of a shipped model, path/to/file.py:Name, or path/to/model.fmu. By default the channels decide."
+    ),
+]
+MapFile = Annotated[
+    Path | None,
+    Parameter(name="--map", help="TOML file that maps the variables of an FMU to channels, conditions, parameters."),
+]
+Free = Annotated[
+    tuple[str, ...],
+    Parameter(help="Parameters of an FMU to identify, as k,d; the others keep their values. By default all."),
 ]
 Effects = Annotated[
     tuple[str, ...],
@@ -55,13 +65,26 @@ Bounds = Annotated[
 Fixed = Annotated[tuple[str, ...], Parameter(help="Fix a parameter, NAME=VALUE in SI units; repeatable.")]
 Joint = Annotated[bool, Parameter(help="Estimate calibration and dynamic parameters at once.")]
 Force = Annotated[bool, Parameter(help="Replace an output of an earlier call; never another file.")]
-Search = Annotated[str, Parameter(help=search_help())]
+Search = Annotated[
+    str | None, Parameter(help=f"{search_help()} By default effa, and surrogate for a simulator of your own.")
+]
+Simulations = Annotated[
+    int | None,
+    Parameter(help="Most simulations of a simulator of your own, one record each. By default 2000."),
+]
 Evaluations = Annotated[
     int | None, Parameter(help="Budget of the global search in evaluations. By default the search's own.")
 ]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
+Timeout = Annotated[
+    str | None, Parameter(help="Time that one simulation of a simulator of your own may take. By default 60 s.")
+]
+Dask = Annotated[
+    str | None,
+    Parameter(help="Address of a Dask scheduler, tcp://host:port, on whose workers a simulator of your own runs."),
+]
 TimeLimit = Annotated[
     str | None, Parameter(help="Time after which the command ends with what there is, as in 60s or 5min; exit code 3.")
 ]

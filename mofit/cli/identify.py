@@ -9,17 +9,22 @@ from mofit.cli.app import (
     NOT_CONVERGED,
     UNUSABLE,
     Bounds,
+    Dask,
     Effects,
     Evaluations,
     Fixed,
+    Free,
     Jobs,
     Joint,
     Json,
+    MapFile,
     ModelName,
     Search,
     Seed,
+    Simulations,
     Tests,
     TimeLimit,
+    Timeout,
     app,
     by_name,
     cores,
@@ -31,7 +36,6 @@ from mofit.cli.app import (
 from mofit.cli.time_limit import LATE
 from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import InputError
-from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.parameters import PER_TEST
 
 
@@ -45,9 +49,12 @@ def identify(
     test: Tests = (),
     hold_out: tuple[str, ...] = (),
     model: ModelName = None,
+    map_file: MapFile = None,
+    free: Free = (),
     effect: Effects = (),
-    search: Search = DEFAULT_SEARCH,
+    search: Search = None,
     evaluations: Evaluations = None,
+    simulations: Simulations = None,
     weights: tuple[str, ...] = (),
     bounds: Bounds = (),
     fix: Fixed = (),
@@ -59,6 +66,8 @@ def identify(
     out: Path | None = None,
     resume: bool = False,
     no_sample: bool = False,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -94,6 +103,8 @@ def identify(
     """
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
+    from mofit.models.fmu import fmu_reference
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, identify_file
 
     if all_freqs and (freq or test):
@@ -101,6 +112,9 @@ def identify(
     settings = Settings(
         search=search,
         evaluations=evaluations,
+        simulations=simulations,
+        timeout=seconds("--timeout", timeout) or TIMEOUT,
+        dask=dask,
         weights=by_name("--weights", weights),
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
@@ -113,7 +127,7 @@ def identify(
         time_limit=seconds("--time-limit", time_limit),
     )
     with progress_bar() as progress, ended_in(time_limit, LATE):
-        job = Job(file, model, effect, freq, test, settings, out, resume, hold_out)
+        job = Job(file, fmu_reference(model, map_file, free), effect, freq, test, settings, out, resume, hold_out)
         folder, summary = identify_file(job, progress)
     if as_json:
         print_json(summary)
@@ -128,6 +142,8 @@ def diagnose(
     /,
     *,
     model: ModelName = None,
+    map_file: MapFile = None,
+    free: Free = (),
     effects: tuple[str, ...] = (),
     include: tuple[str, ...] = (),
     test: Tests = (),
@@ -138,6 +154,9 @@ def diagnose(
     per: tuple[str, ...] = (),
     seed: Seed = 0,
     out: Path | None = None,
+    simulations: Simulations = None,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     jobs: Jobs = None,
     as_json: Json = False,
@@ -168,23 +187,29 @@ def diagnose(
     """
     from mofit.cli.output import progress_bar, show_diagnosis
     from mofit.identification.settings import Settings
+    from mofit.models.fmu import fmu_reference
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 
     settings = Settings(
+        simulations=simulations,
+        timeout=seconds("--timeout", timeout) or TIMEOUT,
+        dask=dask,
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
         scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
         seed=seed,
         jobs=cores(jobs),
     )
-    job = Job(file, model, effects, (), test, settings, out, hold_out=hold_out, included=include)
+    named = fmu_reference(model, map_file, free)
+    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
     with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(job, progress)
     if as_json:
         print_json({**found, "folder": str(folder)})
     else:
         show_diagnosis(found, folder)
-    return DONE
+    return DONE if found["complete"] else NOT_CONVERGED
 
 
 @app.command
@@ -193,7 +218,7 @@ def batch(
     what: str = "identify",
     model: ModelName = None,
     effect: tuple[str, ...] = (),
-    search: Search = DEFAULT_SEARCH,
+    search: Search = None,
     bounds: Bounds = (),
     fix: Fixed = (),
     joint: Joint = False,

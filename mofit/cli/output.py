@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from mofit.cli.predictions_shown import predictions_table, scoped_lines
+from mofit.results import simulations_line
 from mofit.runtime.progress import Progress as Listener
 
 
@@ -98,6 +99,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             console.print(line)
     if summary["search"]:
         console.print(_search_line(summary["search"]))
+    if summary.get("simulations"):
+        console.print(f"Simulator: {simulations_line(summary['simulations'])}")
     for warning in summary["warnings"][len(summary["findings"]) :]:
         console.print(f"warning: {warning}")
     spreads = {entry["spread"] for mode in summary["modes"] for entry in mode["parameters"].values()}

@@ -51,7 +51,10 @@ class _Sent:
 
 
 def _processes(fitted: Fitted) -> int:
-    return min(fitted.hypothesis.observed.simulators.jobs, _MOST)
+    observed = fitted.hypothesis.observed
+    if observed.problem.evaluations is not None:  # a forked process would count its simulations for itself
+        return 1
+    return min(observed.simulators.jobs, _MOST)
 
 
 def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> list[Candidate]:

@@ -18,9 +18,19 @@ from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
-from mofit.models import Effect, Model, drifts_of, effect_names, find_effect, incompatibility, with_effects
+from mofit.models import (
+    Effect,
+    Model,
+    build_system,
+    drifts_of,
+    effect_names,
+    find_effect,
+    incompatibility,
+    with_effects,
+)
 from mofit.parameters import ParameterSpace
 from mofit.simulation import lacking
+from mofit.simulation.evaluation.evaluations import simulator_of
 from mofit.simulation.ranges import scaled, with_parameters
 from mofit.simulation.requirements import stated_conditions
 
@@ -119,6 +129,7 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
         reason = "the model has it already" if present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
             reason = f"{issues[0].where}: {issues[0].message}"
+        reason = _out_of_reach(model, effect) if reason is None else reason
         if reason is not None and name in names:
             raise InputError.of(f"effect '{name}'", reason, "Leave it out, or choose another model")
         if reason is not None:
@@ -126,6 +137,17 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
         elif effect.candidate or name in names:
             chosen.append(effect)
     return chosen, left_out
+
+
+def _out_of_reach(model: Model, effect: Effect) -> str | None:
+    """Why an effect cannot act around a user's simulator; None where it can, and for a model that has equations."""
+    if simulator_of(model) is None:
+        return None
+    try:
+        build_system(with_effects(model, effect))
+    except InputError as error:
+        return error.issues[0].message
+    return None
 
 
 def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Candidate:

@@ -25,6 +25,7 @@ from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
 from mofit.identification.held_out import remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.settings import Settings
@@ -32,6 +33,8 @@ from mofit.models import Effect, Model, build_system
 from mofit.runtime.parallel import processor_time
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation import objective_pairs
+from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
+from mofit.simulation.evaluation.executors import evaluated_in
 from mofit.simulation.ranges import data_scales, with_parameters
 
 
@@ -80,13 +83,34 @@ def diagnose(
     """
     began = processor_time()
     campaign, model = as_campaign(campaign), _unpooled(as_model(model))
-    settings, rules = settings or Settings(), diagnosis or DiagnosisSettings()
+    settings, rules = (settings or Settings()).for_model(model), diagnosis or DiagnosisSettings()
+    model = with_evaluations(model, settings.simulations)
     build_system(model)  # what is wrong with it is told before anything else
-    whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
-    tests = remaining_tests(model, campaign, whole, as_names(tests))
-    records = whole.select(as_names(hold_out)) if hold_out else None
+    with evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask):
+        return _diagnosed(
+            campaign, model, as_names(effects), settings, as_names(tests), as_names(hold_out), rules, simulators,
+            progress, began,
+        )  # fmt: skip
+
+
+def _diagnosed(
+    campaign: Campaign,
+    model: Model,
+    effects: Sequence[str],
+    settings: Settings,
+    tests: Sequence[str],
+    hold_out: Sequence[str],
+    rules: DiagnosisSettings,
+    simulators: SimulatorCache | None,
+    progress: Progress,
+    began: float,
+) -> Diagnosis:
+    """The steps of a diagnosis, in order."""
+    whole, campaign = campaign, without_held_out(campaign, hold_out)
+    tests = remaining_tests(model, campaign, whole, tests)
+    records = whole.select(hold_out) if hold_out else None
     selected = campaign.select(tests)
-    named, left_out = choose_effects(model, selected, as_names(effects))
+    named, left_out = choose_effects(model, selected, effects)
     scales = data_scales(model, selected)
     chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
     settings = _of_model(settings, chosen)
@@ -99,6 +123,9 @@ def diagnose(
     proposed = _proposed(first, case, ending, settings.seed, progress)
     if isinstance(proposed, Proposal):
         conclusion = replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}")
+    complete = all_simulated(observed.problem)
+    if not complete:
+        conclusion = replace(conclusion, sentence=f"{SIMULATIONS_SPENT} {conclusion.sentence}")
     # models that do not explain the gap need no discrimination
     undecided = () if conclusion.verdict in ("partly", "unknown") else case.undecided
     return Diagnosis(
@@ -119,7 +146,14 @@ def diagnose(
         noise_floor=dict(zip(observed.problem.objective_names, observed.noise_floors, strict=True)),
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
-        warnings=(*notes, *_at_ends(found), *_at_most(found, rules), *_of_tests(found, ending.shrinkage)),
+        warnings=(
+            *notes,
+            *simulations_told(observed.problem),
+            *_at_ends(found),
+            *_at_most(found, rules),
+            *_of_tests(found, ending.shrinkage),
+        ),
+        complete=complete,
         seconds=processor_time() - began,
         page=_page,
     )

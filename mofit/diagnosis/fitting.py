@@ -182,10 +182,11 @@ def _whitened(setup: ProblemSetup, simulators: SimulatorCache | None) -> Whitene
 def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[WhitenedData, FloatArray]:
     problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
     values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    observed = _whitened(setup, simulators)
     found, _ = search(setup.searched, setup.settings)
     minima = setup.searched.layout.values(found.archived_points[:_MINIMA], problem.space.names)
-    return observed, np.clip(problem.space.to_unit(np.vstack([values, minima])), 0.0, 1.0)
+    # of a simulator the best alone: descents from elsewhere cost more than they may find
+    starts = np.vstack([values, minima]) if problem.evaluations is None else minima[:1]
+    return _whitened(setup, simulators), np.clip(problem.space.to_unit(starts), 0.0, 1.0)
 
 
 def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
@@ -279,7 +280,9 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
     scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
-    starts = with_scoped(model, np.concatenate([starts, np.where(searched, scattered, start)]))
+    if observed.problem.evaluations is None:  # a simulator was searched
+        starts = np.concatenate([starts, np.where(searched, scattered, start)])
+    starts = with_scoped(model, starts)
     model = model.at_steps_for(starts[:1])
     with explained(observed.problem):
         first = fit(model, starts)

@@ -10,9 +10,20 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.frozen_simulator import SIMULATED, frozen
 from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
-from mofit.models import TARGET_UNIT, Addition, Channel, Equations, Model, Symbols, build_system, with_effects
+from mofit.models import (
+    TARGET_UNIT,
+    Addition,
+    Channel,
+    Equations,
+    Model,
+    Simulator,
+    Symbols,
+    build_system,
+    with_effects,
+)
 from mofit.models.effect import base_and_effects, possible_targets, rate_of
 from mofit.parameters import Parameter
 from mofit.simulation import ExperimentData
@@ -110,6 +121,8 @@ class InnerSignals:
     """
 
     fitted: Fitted
+    model: Model
+    """Without effects; of a user's simulator what stands for it, see `mofit.diagnosis.frozen_simulator`."""
     signals: tuple[Mapping[str, FloatArray], ...]
     used: tuple[slice, ...]
     experiments: tuple[ExperimentData, ...]
@@ -120,8 +133,9 @@ class InnerSignals:
 
     def variables(self) -> list[Variable]:
         """Moving states and inputs, each signal once."""
-        model, _ = base_and_effects(self.fitted.hypothesis.observed.problem.model)
-        channels = [one for one in (*model.inputs, *model.states) if one.name != _TIME]
+        model = self.model
+        known = (one for one in (*model.inputs, *model.states) if one.name != _TIME)
+        channels = [one for one in known if not one.name.startswith(SIMULATED)]
         found: list[tuple[Channel, FloatArray]] = []
         for channel in channels:
             values = self.joined(channel.name)
@@ -152,7 +166,7 @@ class InnerSignals:
 
     def targets(self) -> list[Target]:
         """Quantities on which added terms do different things: outputs first, then the last that is announced."""
-        model, _ = base_and_effects(self.fitted.hypothesis.observed.problem.model)
+        model = self.model
         outputs = [channel.name for channel in model.outputs]
         inputs = [channel.name for channel in model.inputs if channel.name != _TIME]
         rates = [rate_of(state.name) for state in model.states]
@@ -191,7 +205,8 @@ class InnerSignals:
         """The model with quantities of these names shifted, and its motion at some samples of every test."""
         hypothesis = self.fitted.hypothesis
         shifts = [_Shift(name, k) for k, name in enumerate(names)]
-        system = build_system(with_effects(hypothesis.observed.problem.model, *hypothesis.effects, *shifts))
+        _, present = base_and_effects(hypothesis.observed.problem.model)
+        system = build_system(with_effects(self.model, *present, *hypothesis.effects, *shifts))
         still = {shift.name: 0.0 for shift in shifts}
         tests = hypothesis.layout.values_by_test(self.fitted.minimum.point)
         motions = [
@@ -233,18 +248,19 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
     base, present = base_and_effects(observed.problem.model)
     effects = (*present, *hypothesis.effects)
+    given, tests = experiments_of(observed, hypothesis.effects), hypothesis.layout.values_by_test(fitted.minimum.point)
+    if isinstance(base, Simulator):
+        base, given = frozen(base, effects, tests, given)
     inner = InnerModel(base, [state.name for effect in effects for state in effect.states])
     first = len(base.outputs)
-    given = experiments_of(observed, hypothesis.effects)
     shapes = [(one.samples, len(inner.outputs)) for one in given]
     experiments = [
         replace(one.changed(measured=np.zeros(shape), weights=np.ones(shape)), lead=0)
         for one, shape in zip(given, shapes, strict=True)
     ]
     system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)
-    tests = hypothesis.layout.values_by_test(fitted.minimum.point)
     outputs = simulator.simulate(np.array([[[values[name] for name in system.parameters] for values in tests]]))
     signals = [{name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs]
     first_used = {test: (given[test].lead + w.start, w.count) for test, _, w in reversed(observed.records)}
     used = [slice(start, start + count) for start, count in (first_used[test] for test in range(len(signals)))]
-    return InnerSignals(fitted, tuple(signals), tuple(used), tuple(given))
+    return InnerSignals(fitted, base, tuple(signals), tuple(used), tuple(given))

@@ -80,6 +80,8 @@ class Diagnosis:
     left_out: Mapping[str, str]
     accounts: tuple[Account, ...]
     warnings: tuple[str, ...]
+    complete: bool
+    """Whether all simulations were made that it asked of a user's simulator."""
     seconds: float = field(compare=False)
     page: Callable[[Diagnosis], str] = field(compare=False, repr=False)
 
@@ -115,6 +117,7 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "accounts": [asdict(one) for one in diagnosis.accounts],
         "left_out": dict(diagnosis.left_out),
         "warnings": list(diagnosis.warnings),
+        "complete": diagnosis.complete,
         "homogeneity": [
             {"parameter": one.parameter, "tests": len(one.tests)}
             | {key: _number(getattr(one, key)) for key in ("p_value", "i_squared")}

@@ -13,15 +13,18 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
+from mofit.identification.allowance import keep_for_predictions, shortages
 from mofit.identification.estimates import estimates, unrefined
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
 from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.reference_fits import fit_references
 from mofit.identification.result import IdentificationResult, Located, PosteriorMode
 from mofit.identification.result_tree import assemble
+from mofit.identification.result_tree.simulations import with_simulations
 from mofit.identification.settings import Settings
-from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Model, build_system
 from mofit.problem import Problem
 from mofit.report import report_beside
@@ -32,6 +35,8 @@ from mofit.runtime.names import slug
 from mofit.runtime.parallel import beside
 from mofit.runtime.progress import Progress, RunLog, StageTimer, silent
 from mofit.runtime.run_directory import LOG, run_folder
+from mofit.simulation.evaluation.evaluations import evaluations_of, simulator_of, with_evaluations
+from mofit.simulation.evaluation.executors import KEPT, evaluated_in
 from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
@@ -88,7 +93,9 @@ def identify(
     WriteError
         If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
-    campaign, model, settings = as_campaign(campaign), as_model(model), settings or Settings()
+    campaign, model = as_campaign(campaign), as_model(model)
+    settings = (settings or Settings()).for_model(model)
+    model = with_evaluations(model, settings.simulations)
     return_at_once()
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
@@ -104,15 +111,21 @@ def identify(
         **({"hold_out": list(as_names(hold_out))} if hold_out else {}),
     }
     stem = f"{slug(campaign.title) or 'run'}-{model.name}"
-    with run_folder(out, stem, configuration, resume=resume) as folder, report_beside() as drawn:
+    with (
+        run_folder(out, stem, configuration, resume=resume) as folder,
+        report_beside() as drawn,
+        evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask, folder.partial),
+    ):
         log.write_to(folder.partial / LOG)
         known = folder.partial / ESTIMATES_FILE
         found = partial(_write_unrefined, known)
         located = locate_minima(
             campaign, model, settings, chosen, timer=timer, progress=progress, searched=found, until=refined_until
         )
+        keep_for_predictions(located.problem, len(as_names(hold_out)) and len(as_names(hold_out)) + len(chosen))
         references = partial(fit_references, located, model, campaign, settings)
-        with beside(references, settings.jobs > 1) as fitted:
+        # a forked process would count its simulations for itself
+        with beside(references, settings.jobs > 1 and simulator_of(model) is None) as fitted:
             with timer.measure("refine"):
                 minima = adjusted_modes(located.posterior, located.minima, settings, until)
                 write_text(known, json.dumps(estimates(located.problem, minima), indent=1))
@@ -124,8 +137,10 @@ def identify(
             groups, seconds = fitted()
             names = located.problem.space.names
             unconverged = (text for mode in modes if (text := mode.unconverged(names)))
+            left_out = shortages(located.problem, list(groups))
+            keep_for_predictions(located.problem, 0)
             result = IdentificationResult(
-                **{**vars(located), "warnings": (*located.warnings, *unconverged)},
+                **{**vars(located), "warnings": (*located.warnings, *unconverged, *left_out)},
                 findings=_findings(located, modes, settings),
                 campaign=whole,
                 configuration=configuration,
@@ -136,11 +151,13 @@ def identify(
             _make_room()
             progress("write", 0, 1, "result and report")
             tree = with_predictions(assemble(result), model, whole, as_names(hold_out), chosen, settings.jobs)
+            tree = with_simulations(tree, result)
             with drawn(tree, folder.partial):
                 write_result(tree, folder.partial)
             for warning in (*(finding.text for finding in result.findings), *result.warnings):
                 log.note(f"warning: {warning}")
             known.unlink()
+            (folder.partial / KEPT).unlink(missing_ok=True)
             log.note("converged" if result.converged else "NOT converged")
     return folder.target, tree
 
@@ -164,6 +181,7 @@ def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settin
     best, problem = modes[0], located.problem
     whole, space = best.minimum.hessian, problem.space
     return (
+        *(found for mode in modes if mode.emulator and (found := mode.emulator.finding(mode.name))),
         *misfit(problem, problem.objectives(best.minimum.point[None])[0]),
         *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
         *ridges(space, best.minimum.point, whole, best.path),

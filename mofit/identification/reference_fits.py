@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.data import Campaign
+from mofit.identification.allowance import enough_alone
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.refinement import refined
 from mofit.identification.result import LocalFit, Located
@@ -37,8 +38,10 @@ def fit_references(
         That each of the two took.
     """
     timer = StageTimer()
-    with timer.measure("per_frequency"):
-        groups = {"/per_frequency": per_frequency(located.searched, _each_alone(located))}
+    groups: dict[str, xr.Dataset] = {}
+    if enough_alone(located.searched):
+        with timer.measure("per_frequency"):
+            groups = {"/per_frequency": per_frequency(located.searched, _each_alone(located))}
     if model.baseline is not None:
         with timer.measure("baseline"):
             main, reference = located.searched, find_model(model.baseline)
@@ -61,7 +64,7 @@ def _each_alone(located: Located) -> dict[str, LocalFit]:
     for test in searched.tests:
         alone = searched.select([test])
         order = np.argsort(alone.objectives(starts).sum(axis=1), kind="stable")
-        problem, minima = refined(alone, starts[order[:STARTS_ALONE]])
+        problem, minima = refined(alone, starts[order[: STARTS_ALONE if located.problem.evaluations is None else 1]])
         fits[test] = LocalFit(
             problem, tuple(replace(m, hessian=adjusted_posterior(problem, m.point).hessian) for m in minima)
         )

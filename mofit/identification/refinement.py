@@ -11,8 +11,9 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
+from mofit.identification.descents import settings_for
 from mofit.identification.settled_noise import with_settled_noise
-from mofit.optimize import STAGES, Minimum, RefineSettings, merge, refine
+from mofit.optimize import STAGES, Minimum, merge, refine
 from mofit.problem import CampaignPosterior, Problem, explained
 from mofit.sampling import laplace_log_evidence, mode_weights
 
@@ -33,7 +34,7 @@ def refined(
     Of the starts that end in one minimum, the one from the earliest stage of the search found it. ``until`` is that of
     `RefineSettings`.
     """
-    settings = RefineSettings(until=until)
+    settings = settings_for(problem.main, until=until)
     with explained(problem.main):
         first = _with_stage(merge(refine(problem.evaluate, starts, settings)), found_by or [""] * len(starts))
     if not first:

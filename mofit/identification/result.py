@@ -12,6 +12,7 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
+from mofit.identification.emulation import EmulatorCheck
 from mofit.identification.findings import Finding
 from mofit.optimize import Minimum, Profile, SearchResult
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem
@@ -37,6 +38,8 @@ class PosteriorMode:
     profile: Profile
     path: FloatArray | None = None
     """Points along its valley, if that bends, shape (K, d)."""
+    emulator: EmulatorCheck | None = None
+    """How good the emulator is that was sampled, if one was."""
 
     @property
     def is_sampled(self) -> bool:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mofit.optimize.global_search import Gradients, Objectives, Progress, SearchResult
 
 DEFAULT_SEARCH = "effa"
+#: Of simulators that cost more than equations.
+COSTLY_SEARCH = "surrogate"
 _FOLDER = Path(__file__).parents[1] / "optimize" / "searches"
 
 

@@ -5,27 +5,34 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from numbers import Integral
 
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
-from mofit.identification.search_registry import DEFAULT_SEARCH
+from mofit.identification.search_registry import COSTLY_SEARCH, DEFAULT_SEARCH
 from mofit.models import Model
 from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.sampling import SampleSettings
+from mofit.simulation.evaluation.evaluations import simulator_of
+from mofit.simulation.evaluation.executors import TIMEOUT
 
 #: Times the largest value in its range at which a fixed parameter is a mistake: powers of it overflow.
 FAR = 1e6
+#: Simulations of a user's simulator: at 0.2 s each, seven minutes.
+SIMULATIONS = 2000
+#: Settings that decide no number.
+WITHOUT_EFFECT = ("jobs", "time_limit", "timeout", "dask")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What decides an identification's numbers, and ``jobs``, which does not.
+    """What decides an identification's numbers, and where and how long it works.
 
     Parameters
     ----------
     search
-        Name of the global search (`mofit.identification.search_registry`).
+        Name of the global search (`mofit.identification.search_registry`); by default effa, and of a user's simulator
+        surrogate.
     weights
         Weight of a test's NRMSD in the search; 1 where not named. Of several outputs ``test / output`` names one.
     evaluations
@@ -48,11 +55,15 @@ class Settings:
         Threads; all cores by default.
     sample
         Whether modes are sampled; else their standard deviations are those of the Laplace approximation.
+    simulations
+        Most simulations of a user's simulator, one record each; by default `SIMULATIONS`.
+    timeout, dask
+        Seconds that one of them may take, and the address of a Dask scheduler whose workers make them.
     time_limit
         Seconds after which an identification ends with what there is; None: no limit.
     """
 
-    search: str = DEFAULT_SEARCH
+    search: str | None = None
     evaluations: int | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
     seed: int = 0
@@ -67,16 +78,28 @@ class Settings:
     jobs: int = field(default_factory=lambda: os.cpu_count() or 1)
     sample: bool = True
     time_limit: float | None = None
+    simulations: int | None = None
+    timeout: float = TIMEOUT
+    dask: str | None = None
+
+    def for_model(self, model: Model) -> Settings:
+        """The settings with what depends on whether a model has equations."""
+        if simulator_of(model) is None:
+            return replace(self, search=self.search or DEFAULT_SEARCH, simulations=None)
+        return replace(self, search=self.search or COSTLY_SEARCH, simulations=self.simulations or SIMULATIONS)
 
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
-        return {key: value for key, value in asdict(self).items() if key not in ("jobs", "time_limit")}
+        found = {key: value for key, value in asdict(self).items() if key not in WITHOUT_EFFECT}
+        return {key: value for key, value in found.items() if key != "simulations" or value is not None}
 
     def __post_init__(self) -> None:
         checks = [
             ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
             ("jobs", self.jobs >= 1, "Give at least 1"),
+            ("timeout", self.timeout > 0, "Give more than 0 s"),
             ("time_limit", self.time_limit is None or self.time_limit > 0, "Give more than 0 s"),
+            ("simulations", self.simulations is None or self.simulations >= 1, "Give at least 1"),
             ("evaluations", self.evaluations is None or self.evaluations >= 50, "Give at least 50"),
         ]
         check_settings("identification", self, checks)

@@ -7,13 +7,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
+from mofit.identification.allowance import check_allowed
+from mofit.identification.descents import few_starts, settings_for
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.refinement import log_evidence, plausible, refined, with_calibrated_free
 from mofit.identification.result import LocalFit, Located, PosteriorMode
@@ -26,21 +28,12 @@ from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
-from mofit.optimize import STAGES, Minimum, RefineSettings, SearchResult, merge, profile, refine
+from mofit.optimize import STAGES, Minimum, SearchResult, merge, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
-from mofit.sampling import (
-    Chains,
-    Evidence,
-    StudentTMixture,
-    bridge_log_evidence,
-    laplace_covariance,
-    mode_region,
-    mode_weights,
-    restricted,
-    sample_mode,
-)
+from mofit.sampling import StudentTMixture, laplace_covariance
+from mofit.simulation.evaluation.evaluations import with_evaluations
 
 P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.
@@ -51,8 +44,6 @@ TIME_IS_UP = (
     "The time limit came before the minima were refined and their ranges seen to be wide enough: give more time, or "
     "narrow the ranges (--bounds)."
 )
-#: Draws per chain below which a mode counts as not sampled: the evidence is fitted to half of them.
-FEWEST_DRAWS = 32
 #: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
 IN_VALLEY = 5.0
 
@@ -107,9 +98,10 @@ def _located(
     with timer.measure("search"):
         found, weights = search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
-        tell(searched, starts_of(found)[0])
+        starts = few_starts(searched, *starts_of(found))
+        tell(searched, starts[0])
         progress("refine", 0, 1, "")
-        searched, rough = refined(searched, *starts_of(found), until)
+        searched, rough = refined(searched, *starts, until)
         posterior, minima = with_calibrated_free(posterior, searched, rough, until)
     return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
 
@@ -118,7 +110,8 @@ def find_modes(
     campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str] = ()
 ) -> tuple[PosteriorMode, ...]:
     """All stages, nothing written: the modes that `identify` reports, for studies."""
-    located = locate_minima(campaign, model, settings, tests)
+    settings = settings.for_model(model)
+    located = locate_minima(campaign, with_evaluations(model, settings.simulations), settings, tests)
     return sample_modes(adjusted_modes(located.posterior, located.minima, settings), settings)
 
 
@@ -133,9 +126,11 @@ def search(
         If there is no search or no test of a name in the settings, or if every start fails.
     """
     weights = search_weights(problem, settings.weights)
-    run, rng = find_search(settings.search), np.random.default_rng(settings.seed)
+    check_allowed(problem)
+    name = str(settings.for_model(problem.model).search)
+    run, rng = find_search(name), np.random.default_rng(settings.seed)
     with explained(problem):
-        budget = search_settings(settings.search, search_budget(problem, settings))
+        budget = search_settings(name, search_budget(problem, settings))
         found = run(problem.objectives, problem.gradients, len(problem.space), rng, budget, weights, progress)
     return found, weights
 
@@ -143,7 +138,7 @@ def search(
 def fit(setup: ProblemSetup) -> LocalFit:
     """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
     found, _ = search(setup.searched, setup.settings)
-    return LocalFit(*refined(setup.searched, *starts_of(found)))
+    return LocalFit(*refined(setup.searched, *few_starts(setup.searched, *starts_of(found))))
 
 
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
@@ -166,85 +161,19 @@ def adjusted_modes(
     `RefineSettings`.
     """
     located, valleys = [], list[StudentTMixture]()
-    distinct = without_joined(posterior, plausible(minima, settings.least_probability))
+    descent = settings_for(posterior.main, merge=None, until=until)
+    quick = posterior.main.evaluations is None  # to follow a valley takes thousands of simulations
+    distinct = plausible(minima, settings.least_probability)
+    distinct = without_joined(posterior, distinct) if quick else distinct
     for minimum in distinct[: settings.most_modes]:
         if any(valley.distance(minimum.point[None])[0] < IN_VALLEY for valley in valleys):
             continue
         local = posterior.near(minimum.point[None], np.sqrt(np.diag(laplace_covariance(minimum.hessian))))
         adjusted = adjusted_posterior(local, minimum.point)
-        if along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
+        if quick and along_valley(adjusted.evaluate, minimum.point, adjusted.hessian) is not None:
             adjusted = adjusted.unmapped()
             valley = along_valley(adjusted.evaluate, minimum.point, adjusted.hessian)
             valleys += [] if valley is None else [valley]
-        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], RefineSettings(merge=None, until=until)))
+        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], descent))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
     return tuple(sorted(located, key=lambda pair: -log_evidence(pair[0])))
-
-
-def sample_modes(
-    located: Sequence[tuple[Minimum, AdjustedPosterior]],
-    settings: Settings,
-    path: Path | None = None,
-    progress: Progress = silent,
-    until: float = math.inf,
-) -> tuple[PosteriorMode, ...]:
-    """Sample around every plausible minimum.
-
-    Parameters
-    ----------
-    located
-        From `adjusted_modes`.
-    settings
-        Settings of the identification.
-    path
-        File for the chains, from which an interrupted run is resumed; nothing is written without one.
-    progress
-        Called now and then.
-    until
-        Time of `time.monotonic` at which sampling ends with what there is.
-
-    Returns
-    -------
-    tuple of PosteriorMode
-        Best first, with their posterior probabilities.
-    """
-    values, centres = [minimum.value for minimum, _ in located], np.stack([minimum.point for minimum, _ in located])
-    covariances = np.stack([laplace_covariance(minimum.hessian) for minimum, _ in located])
-    sampled = []
-    for index, (minimum, adjusted) in enumerate(located):
-        name, covariance = f"m{index + 1}", covariances[index]
-        sd = np.sqrt(np.diag(covariance))
-        noise_hessian, adjusted = adjusted.noise_hessian, adjusted.local(minimum.point, sd)
-        belongs = mode_region(index, values, centres, covariances)
-        own = restricted(adjusted.log_posterior, belongs) if len(located) > 1 else adjusted.log_posterior
-        profiles = profile(adjusted, minimum.point, sd)
-        valley = along_valley(adjusted.evaluate, minimum.point, minimum.hessian)
-        if valley is not None and len(located) > 1:  # it may lead on into another mode
-            valley = valley.selected(belongs(valley.means))
-        along = None if valley is None else valley.means
-        chains, evidence = _unsampled(minimum)
-        left = until - time.monotonic()
-        if settings.sample and left > 0:
-            drawn = sample_mode(
-                own,
-                minimum.point,
-                covariance,
-                (settings.seed, index + 1),
-                settings.sampling,
-                valley=valley,
-                backend_path=path,
-                mode=name,
-                progress=partial(progress, f"sample mode {index + 1} of {len(located)}"),
-                until=time.monotonic() + left / (len(located) - index),
-            )
-            if drawn.thinned().points.shape[1] >= FEWEST_DRAWS:
-                chains, evidence = drawn, bridge_log_evidence(own, drawn.thinned(), settings.seed)
-        sampled.append(PosteriorMode(name, minimum, noise_hessian, adjusted, evidence, 1.0, chains, profiles, along))
-    probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
-    return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
-
-
-def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:
-    """What stands in the place of chains: none, and the evidence by the Laplace approximation."""
-    reason = "not sampled: standard deviations are those of the Laplace approximation"
-    return Chains.none(len(minimum.point), reason), Evidence(log_evidence(minimum), np.nan)

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.identification.descents import settings_for
 from mofit.identification.problem_setup import ProblemSetup
 from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum, merge, refine
@@ -51,7 +52,7 @@ def led_in(
         target = led.posterior.with_noise(posterior.main.noise)
         if not np.isfinite(target.evaluate(point[None])[0]).all():  # from elsewhere the model runs away
             break
-        (found, *_) = merge(refine(target.evaluate, point[None])) or (None,)
+        (found, *_) = merge(refine(target.evaluate, point[None], settings_for(target.main))) or (None,)
         if found is None or not value - found.value > WORTH:
             break
         best, point, value = led, found.point, found.value
@@ -74,7 +75,7 @@ def steady_from_start(problem: Problem) -> dict[str, float]:
     return {
         test.name: test.experiment.length + test.experiment.step
         for test, record in tests
-        if record.steady_from_start and problem.system.states and test.experiment.transient is None
+        if record.steady_from_start and problem.model.dynamic and test.experiment.transient is None
     }
 
 

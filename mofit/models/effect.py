@@ -12,6 +12,7 @@ from typing import TypeVar
 import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean
+from mofit.models.black_box import Simulator
 from mofit.models.model import TARGET_UNIT, Applied, Channel, Condition, Equations, Model, Symbols
 from mofit.parameters import PER_CAMPAIGN, Parameter
 
@@ -184,6 +185,11 @@ class ExtendedModel(Model):
         self.excitations, self.baseline, self.stages = base.excitations, base.baseline, base.stages
         self.branches, self.typical = base.branches, base.typical
 
+    @property
+    def dynamic(self) -> bool:
+        """Whether outputs depend on the past of the inputs."""
+        return bool(self.states) or self.base.dynamic
+
     def equations(self, s: Symbols) -> Equations:
         """The base model's equations; the effects act through the symbols."""
         return self.base.equations(s)
@@ -222,6 +228,9 @@ def target_of(effect: Effect, model: Model) -> str:
     targets = possible_targets(model)
     first = {"output": model.outputs[0].name} if model.outputs else {}
     target = next((name for name in (first.get(entry, entry) for entry in effect.on) if name in targets), None)
+    if target is None and isinstance(model, Simulator):
+        what = f"acts on {' or '.join(effect.on)}: out of reach, inside the simulator '{model.name}'"
+        raise InputError.of(where, what, f"Within reach are {', '.join(dict.fromkeys(targets))}")
     if target is None:
         hint = did_you_mean(effect.on[0], targets)
         raise InputError.of(where, f"acts on {' or '.join(effect.on)}, {lacking}", hint)

@@ -232,6 +232,11 @@ class Model(ABC):
         super().__init_subclass__()
         cls.inputs = cls.inputs or (TIME,)
 
+    @property
+    def dynamic(self) -> bool:
+        """Whether outputs depend on the past of the inputs."""
+        return bool(self.states)
+
     @abstractmethod
     def equations(self, s: Symbols) -> Equations:
         """State derivatives, outputs and initial values from the symbols ``s``."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import pkgutil
-import sys
 from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
@@ -14,11 +12,14 @@ from types import ModuleType
 from typing import TypeVar
 
 from mofit.errors import InputError, did_you_mean, raise_errors
+from mofit.models.black_box import Simulator
 from mofit.models.effect import Effect
+from mofit.models.fmu import is_fmu
 from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
 from mofit.models.part_drift import DRIFT_PREFIX, PartDrift
 from mofit.models.users_code import users_code
+from mofit.runtime.sending import run_file
 
 T = TypeVar("T", Model, Effect)
 
@@ -37,13 +38,20 @@ def effect_names() -> tuple[str, ...]:
 
 
 def find_model(reference: str) -> Model:
-    """The shipped model of that name, or the user's own from ``path/to/file.py:Name``.
+    """The shipped model of that name, or the user's own from ``path/to/file.py:Name``: a class or a `Simulator`.
+
+    ``path/to/model.fmu`` is a simulator, too, with a map and free parameters if need be: ``model.fmu:MAP.toml:k,d``.
+    Its description is read; its native code is not loaded before the first simulation.
 
     Raises
     ------
     InputError
         If there is none; names the closest one.
     """
+    if is_fmu(reference):
+        from mofit.models.fmu.fmu_model import fmu_model
+
+        return fmu_model(reference)
     return _find(reference, Model)
 
 
@@ -116,26 +124,29 @@ def _find(reference: str, kind: type[T]) -> T:
         return shipped[reference]()
     if reference.partition(":")[0].endswith(".py"):
         own = _own(reference, kind)
+        if not inspect.isclass(own):
+            return own
         with users_code(reference, f"making {own.__name__}", "Correct the file", inspect.getfile(own)):
             return own()
     hint = f"{did_you_mean(reference, shipped)} Name one of your own as path/to/file.py:Name"
     raise InputError.of(f"{what} '{reference}'", "unknown name", hint)
 
 
-def _own(reference: str, kind: type[T]) -> type[T]:
-    """The class ``Name`` of a kind in a user's file; ``:Name`` may be left out if the file defines just one."""
+def _own(reference: str, kind: type[T]) -> type[T] | T:
+    """The class ``Name`` of a kind in a user's file, or a simulator of that name.
+
+    ``:Name`` may be left out if the file defines just one.
+    """
     place, _, name = reference.partition(":")
     path = Path(place)
     if not path.is_file():
         raise InputError.of(reference, "no such file", "Give path/to/file.py:Name")
-    spec = importlib.util.spec_from_file_location(f"mofit_user_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None  # there is one for every name that ends in .py
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
     with users_code(reference, "running it", "Correct the file", str(path)):
-        spec.loader.exec_module(module)
-    found = _classes(module, kind)
+        module = run_file(f"mofit_user_{path.stem}", path)
+    made = {
+        key: value for key, value in vars(module).items() if isinstance(value, kind) and isinstance(value, Simulator)
+    }
+    found: dict[str, type[T] | T] = {**_classes(module, kind), **made}
     if name in found:
         return found[name]
     if name:

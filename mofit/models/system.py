@@ -3,39 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from hashlib import sha256
 from typing import Any
 
 import casadi as ca
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
+from mofit.models.black_box import Simulator
+from mofit.models.black_box_system import BlackBoxSystem
 from mofit.models.effect import Effect, ExtendedModel, base_and_effects, rate_of
 from mofit.models.lookup_tables import written_out
 from mofit.models.model import Applied, Apply, Equations, Model, Symbols
 from mofit.models.users_code import users_code
-
-
-@dataclass(frozen=True)
-class System:
-    """A model in vector form; the vectors are ordered as the names."""
-
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    parameters: tuple[str, ...]
-    conditions: tuple[str, ...]
-    outputs: tuple[str, ...]
-    rhs: ca.Function
-    """``(x, u, p, c) -> xdot``"""
-    out: ca.Function
-    """``(x, u, p, c) -> y``"""
-    initial: ca.Function
-    """``(u, p, c) -> x0`` with the first sample of the inputs."""
-
-    def hash(self) -> str:
-        """Hash of the equations; it changes with anything that can change a number."""
-        graphs = "".join(function.serialize() for function in (self.rhs, self.out, self.initial))
-        return sha256(graphs.encode()).hexdigest()[:16]
+from mofit.models.vector_form import System
+from mofit.parameters import ParameterSpace
 
 
 def build_system(model: Model) -> System:
@@ -62,6 +42,8 @@ def build_system(model: Model) -> System:
     rates = {channel.derivative_of: channel.name for channel in model.inputs if channel.derivative_of}
     symbols = Symbols(base, groups["u"], applied, rates)
     equations = _evaluated(where, model, symbols)
+    simulator = base_and_effects(model)[0]
+    simulated = [*equations.outputs.values()] if isinstance(simulator, Simulator) else []
     outputs = {name: symbols.quantity(name, _sx(where, name, value)) for name, value in equations.outputs.items()}
     # an effect on an input that no equation uses still has states
     for name in groups["u"]:
@@ -84,9 +66,9 @@ def build_system(model: Model) -> System:
     xdot = _column(where, derivatives, groups["x"])
     y = _column(where, outputs, output_names)
     x0 = _resolved(_column(where, {name: initial.get(name, ca.SX(0)) for name in groups["x"]}, groups["x"]), x)
-    others = {"u": u, "p": p, "c": c}
+    others = {"u": ca.SX(ca.vertcat(u, *simulated)), "p": p, "c": c}
     try:
-        return System(
+        found = System(
             states=groups["x"],
             inputs=groups["u"],
             parameters=groups["p"],
@@ -96,9 +78,24 @@ def build_system(model: Model) -> System:
             out=_function(where, "out", {"x": x, **others}, "y", y),
             initial=_function(where, "initial", others, "x0", x0),
         )
+        if isinstance(simulator, Simulator):
+            return _around(simulator, found, symbols, {"x": x, **others}, model)
+        return found
     except RuntimeError as error:
         message = f"the equations use a symbol that is not the model's own ({str(error).strip().splitlines()[-1]})"
         raise InputError.of(where, message, "Use only s.<declared name>") from error
+
+
+def _around(
+    simulator: Simulator, filters: System, symbols: Symbols, arguments: dict[str, ca.SX], model: Model
+) -> BlackBoxSystem:
+    """A simulator with the filters that effects are around it."""
+    groups = (simulator.inputs, simulator.parameters, simulator.conditions)
+    seen = ca.SX(ca.vertcat(*(getattr(symbols, one.name) for group in groups for one in group)))
+    function = _function(f"model '{model.name}'", "seen", arguments, "seen", seen)
+    found = BlackBoxSystem(**vars(filters), box=simulator, seen=function, space=ParameterSpace(model.parameters))
+    found.check()
+    return found
 
 
 def _function(where: str, name: str, inputs: dict[str, ca.SX], result: str, expression: ca.SX) -> ca.Function:

@@ -42,7 +42,7 @@ class GaussianProcess:
 
     @cached_property
     def _factor(self) -> FloatArray:
-        return np.asarray(cholesky(_correlation(self.points, self.points, self.lengths) + _nugget(self.points), True))
+        return np.asarray(cholesky(correlation(self.points, self.points, self.lengths) + _nugget(self.points), True))
 
     @cached_property
     def centre(self) -> FloatArray:
@@ -62,18 +62,18 @@ class GaussianProcess:
 
     def mean(self, u: FloatArray) -> FloatArray:
         """Posterior mean at points (N, d), shape (N, T)."""
-        return np.asarray(self.centre + _correlation(u, self.points, self.lengths) @ self._coefficients)
+        return np.asarray(self.centre + correlation(u, self.points, self.lengths) @ self._coefficients)
 
     def mean_and_slope(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Posterior mean (N, T) and its gradient (N, T, d)."""
-        near = _correlation(u, self.points, self.lengths)
+        near = correlation(u, self.points, self.lengths)
         offset = (self.points[None] - u[:, None]) / self.lengths**2
         slope = np.einsum("nk,nkd,kt->ntd", near, offset, self._coefficients, optimize=True)
         return np.asarray(self.centre + near @ self._coefficients), np.asarray(slope)
 
     def deviation(self, u: FloatArray) -> FloatArray:
         """Posterior standard deviation relative to `scale`, shape (N,): 0 at evaluated points, 1 far from all."""
-        near = _correlation(u, self.points, self.lengths)
+        near = correlation(u, self.points, self.lengths)
         known = solve_triangular(self._factor, near.T, lower=True)
         return np.sqrt(np.maximum(1 - np.sum(known**2, axis=0), 0.0))
 
@@ -128,7 +128,8 @@ def negative_log_posterior(
     return value + 0.5 * float(offset @ offset) / PRIOR_SD**2, gradient + offset / PRIOR_SD**2
 
 
-def _correlation(a: FloatArray, b: FloatArray, lengths: FloatArray) -> FloatArray:
+def correlation(a: FloatArray, b: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Of points (n, d) with others (m, d), (n, m)."""
     a, b = a / lengths, b / lengths
     squares = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1)[None] - 2 * a @ b.T
     return np.exp(-0.5 * np.maximum(squares, 0.0))

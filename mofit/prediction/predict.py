@@ -14,6 +14,8 @@ from mofit.prediction.result import prediction_tree
 from mofit.results import open_result
 from mofit.results.export import model_of_run
 from mofit.runtime.progress import Progress, silent
+from mofit.simulation.evaluation.evaluations import evaluations_of
+from mofit.simulation.evaluation.executors import evaluated_in
 
 
 def predict(
@@ -61,5 +63,6 @@ def predict(
     records = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
     found = model_of_run(tree, model, effects)
     records = records.select(tests) if tests else records
-    predictions = predict_records(tree, found, records, jobs=jobs, progress=progress)
+    with evaluated_in(evaluations_of(found), jobs):
+        predictions = predict_records(tree, found, records, jobs=jobs, progress=progress)
     return prediction_tree(tree, found, records, predictions)

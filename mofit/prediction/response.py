@@ -15,13 +15,14 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign, Measurement
 from mofit.data.signals import SignalAnalysis, analyse
 from mofit.errors import InputError
-from mofit.models import Model, System, build_system
+from mofit.models import BlackBoxSystem, Model, System, build_system
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.prediction.draws import posterior_draws
 from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_values
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
+from mofit.simulation.evaluation.draws import outputs_at
 from mofit.simulation.experiment import LEADS
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.requirements import undriven
@@ -99,12 +100,12 @@ class Identified:
         scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))
         sets = self._sets(scoped, count)
-        if analysis.steady_from_start and model.states and measurement.experiment.transient is None:
+        if analysis.steady_from_start and model.dynamic and measurement.experiment.transient is None:
             experiment = self._led(experiment, measurement, analysis, sets)
         fitted = [one.parameter for one in scoped if one.source == "fitted"]
         if fitted:
             sets = self._fitted(experiment, measurement, fitted, sets, analysis.period)
-        (outputs,) = self._simulator(experiment, sets).simulate(sets)
+        outputs = self._outputs(experiment, sets)
         good = np.isfinite(outputs).all(axis=(1, 2))
         if not good.any():
             message = f"model '{model.name}' gives no finite output at any draw of the run"
@@ -161,6 +162,14 @@ class Identified:
         found = sets.copy()
         found[:, simulator.columns] = scopes.space.from_unit(np.clip(best.unit[:, 0] + moved, 0.0, 1.0))
         return found
+
+    def _outputs(self, experiment: ExperimentData, sets: FloatArray) -> FloatArray:
+        """The outputs (D, n, ny) at sets (D, np); those of a costly simulator are simulated at some of them."""
+        simulator = self._simulator(experiment, sets)
+        if isinstance(self.system, BlackBoxSystem):
+            return outputs_at(simulator, self.system.space, sets, self.seed)
+        (outputs,) = simulator.simulate(sets)
+        return outputs
 
     def _simulator(self, experiment: ExperimentData, sets: FloatArray) -> Simulator:
         """One of its own for every record, so that no other record changes its integration steps."""

@@ -28,6 +28,7 @@ from mofit.problem.prior import FLAT, GaussianPrior, inside_cube
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.problem.score_covariance import score_covariance
 from mofit.simulation import ExperimentData, Simulator
+from mofit.simulation.evaluation.evaluations import Evaluations, evaluations_of
 from mofit.simulation.experiment import objectives_of
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import scoped
@@ -76,6 +77,11 @@ class Problem:
     def space(self) -> ParameterSpace:
         """The free parameters."""
         return self.layout.space
+
+    @property
+    def evaluations(self) -> Evaluations | None:
+        """The simulations of a user's simulator; None of a model that has equations."""
+        return evaluations_of(self.model)
 
     @property
     def tests(self) -> tuple[str, ...]:
@@ -263,8 +269,10 @@ class Problem:
     def local(self, point: FloatArray, sd: FloatArray) -> Problem:
         """The same problem, as quick to simulate around a point (d,) as the tolerance allows.
 
-        Good for standard deviations (d,) around it; see `mofit.problem.local_model`.
+        Good for standard deviations (d,) around it; see `mofit.problem.local_model`. A user's simulator stays as it is.
         """
+        if self.evaluations is not None:
+            return self
         values = self.layout.full(star(point, sd))
         simulator = self.simulator.around(values[:1])
         simulator, experiments = fold_periods(simulator, self.experiments, self.periods, values)

@@ -15,6 +15,7 @@ from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, line_key, mode_colour
 from mofit.report.toolkit.formatting import count, math_symbol, number
+from mofit.results import simulations, simulations_line
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,8 @@ def _summary(run: Run, found: SearchMap) -> str:
         )
     else:
         text += f"It archived {len(found.archived)} of them as minima or best points of clusters. "
+    if (simulated := simulations(run.tree)) is not None:
+        text += f"The whole identification took {simulations_line(simulated)} "
     text += f"Refinement led to {len(run.modes)} distinct mode{'' if len(run.modes) == 1 else 's'}."
     undiscovered = float(attrs.get("expected_undiscovered_minima", np.nan))
     if attrs.get("complete", -1) == 0 and not np.isfinite(undiscovered):

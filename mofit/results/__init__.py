@@ -7,6 +7,7 @@ from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
 from mofit.results.reading import findings, green, parameter_layout, summary
 from mofit.results.schema import SCHEMA
+from mofit.results.simulations import simulations, simulations_line
 from mofit.results.variables import (
     Computed,
     Signal,
@@ -45,6 +46,8 @@ __all__ = [
     "prediction_summary",
     "quantity",
     "signal_dataset",
+    "simulations",
+    "simulations_line",
     "summary",
     "write_result",
 ]

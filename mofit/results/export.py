@@ -14,7 +14,7 @@ import casadi as ca
 import xarray as xr
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.models import Channel, Model, build_system, find_effect, find_model, with_effects
+from mofit.models import BlackBoxSystem, Channel, Model, build_system, find_effect, find_model, with_effects
 from mofit.results.reading import fixed_values, summary
 from mofit.runtime.toml import toml_value
 
@@ -118,6 +118,9 @@ def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca
     found = modes[mode].to_dataset(inherit=False)["value"]
     values = {**fixed_values(tree), **{str(n): float(found.sel(parameter=n)) for n in found["parameter"].values}}
     system = build_system(model)
+    if isinstance(system, BlackBoxSystem):
+        hint = "Export the parameters (--to toml, --to csv)"
+        raise InputError.of(f"model '{model.name}'", "it is a simulator without equations to write", hint)
     raise_errors(
         Issue(f"parameter '{name}'", "the run has no value for it", "Identify anew with this model")
         for name in system.parameters

@@ -13,6 +13,7 @@ import xarray as xr
 from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
 from mofit.results.objectives import objectives, per_objective
 from mofit.results.predictions import parts_of_band, prediction_rows
+from mofit.results.simulations import simulations
 
 
 def parameter_layout(tree: xr.DataTree) -> ParameterLayout:
@@ -60,6 +61,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "seconds": {"total": round(sum(seconds.values()), 3), **seconds},
         "evaluations": json.loads(tree.attrs["evaluations"]),
         "search": _search(tree),
+        "simulations": simulations(tree),
         "noise_floor": _by_objective(tree, tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),
         "modes": [_mode(tree, name, node, units) for name, node in tree["modes"].children.items()],

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.models import System
+from mofit.models import BlackBoxSystem, System
+from mofit.simulation.evaluation.engine import BlackBoxEngine
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.simulator import Simulator
 
@@ -28,6 +29,9 @@ def find_failure(system: System, experiment: ExperimentData, p: FloatArray) -> s
     str or None
         For example ``"the derivative of state 'x' is NaN at 0.31 s"``; None if all is finite.
     """
+    if isinstance(system, BlackBoxSystem):
+        failure = BlackBoxEngine(system, ()).failure(experiment, p)
+        return None if failure is None else f"the simulator fails: {failure}"
     values = _watched(system, experiment, p)
     bad = ~np.isfinite(values)
     if not bad.any():

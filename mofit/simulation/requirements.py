@@ -20,7 +20,7 @@ def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
 def undriven(model: Model, experiment: Experiment) -> bool:
     """Whether a test is a free decay: no input drives the model's states, so that its inputs are zero."""
     channels = {source for source, _ in derivations(model.inputs).values()} - {TIME.name}
-    return bool(model.states) and not (channels and experiment.inputs)
+    return model.dynamic and not (channels and experiment.inputs)
 
 
 def first_input(model: Model) -> str:

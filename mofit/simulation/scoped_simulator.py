@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import System
+from mofit.simulation.engines import engine_for
 from mofit.simulation.experiment import ExperimentData, objective_pairs, objectives_of
-from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.scoped_search import EXACT, ROUGH, ScopedSearch
 from mofit.simulation.scopes import Scopes, Unknowns
 from mofit.simulation.simulator import Simulator, unpacked
@@ -90,7 +90,7 @@ class ScopedSimulator(Simulator):
         every = (*free, *names)
         super().__init__(system, experiments, every, jobs=jobs, tolerance=tolerance, box=self._whole(box))
         self.free = tuple(free)
-        self._inner = Scheduler(system, names, jobs, fixed_per_lane=True)
+        self._inner = engine_for(system, names, jobs, fixed_per_lane=True)
         self._stiff = changes_stiffness(system, names)
         self._search = ROUGH
         self._known: OrderedDict[bytes, Best] = OrderedDict()

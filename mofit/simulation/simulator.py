@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import System
+from mofit.simulation.engines import engine_for, steps_for
 from mofit.simulation.experiment import ExperimentData, objective_pairs
 from mofit.simulation.integrators import RK4
-from mofit.simulation.scheduler import Scheduler
 from mofit.simulation.step_probing import StepProbe
 from mofit.simulation.step_selection import Box, StepRule, StepSelection
 from mofit.simulation.time_grid import StepChoice, StepLevel
@@ -79,9 +79,9 @@ class Simulator:
             + self._box_issues(box)
         )
         #: Fixed number of Runge-Kutta steps per sampling interval; None if they are chosen.
-        self.steps = steps if system.states else 1  # without states there is nothing to integrate
+        self.steps = steps_for(system, steps)
         self._jobs = jobs
-        self._scheduler = Scheduler(system, self.free, jobs, fixed_per_lane=fixed_per_lane)
+        self._scheduler = engine_for(system, self.free, jobs, fixed_per_lane=fixed_per_lane)
         # compiled when first needed, shared by all that `within` makes
         tests, names = self.experiments, self.free
         self._probe = cache(lambda: StepProbe(system, tests, names, jobs))
@@ -112,7 +112,7 @@ class Simulator:
 
     def with_steps(self, steps: int) -> Simulator:
         """The same with a fixed number of Runge-Kutta steps per sampling interval; code is shared."""
-        return self._with(steps=steps if self.system.states else 1)
+        return self._with(steps=steps_for(self.system, steps))
 
     def with_experiments(self, experiments: Sequence[ExperimentData]) -> Simulator:
         """The same on other tests; code is shared.

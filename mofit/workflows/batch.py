@@ -16,6 +16,7 @@ from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model
 from mofit.runtime.claims import LOCK, TakenError, claim
+from mofit.runtime.cluster import connected
 from mofit.runtime.files import unwritable, write_text, writing
 from mofit.runtime.names import named_path, shortened
 from mofit.runtime.progress import Progress, silent
@@ -186,16 +187,9 @@ def on_cluster(tasks: Sequence[Task], scheduler: str, patience: float) -> Iterat
     InputError
         If the extra is not installed, or no scheduler answers.
     """
-    try:
-        from distributed import Client
-        from distributed import as_completed as finished
-    except ImportError:
-        raise InputError.of("--scheduler", "needs Dask", "Install mofit's extra: pip install 'mofit[dask]'") from None
-    try:
-        client = Client(scheduler, timeout=patience)
-    except (OSError, ValueError, TimeoutError) as error:
-        message = f"no scheduler answers ({error})"
-        raise InputError.of(f"--scheduler {scheduler}", message, "Check the address") from None
+    client = connected("--scheduler", scheduler, patience)
+    from distributed import as_completed as finished
+
     with client:
         futures = {client.submit(work, task, pure=False): task for task in tasks}
         for future in finished(futures):

@@ -28,8 +28,9 @@ from scipy.signal import lfilter
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.settings import Settings
-from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import find_model
 from mofit.problem.scoped_estimates import scoped_estimates
 from mofit.sampling import laplace_covariance

@@ -23,9 +23,10 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement, bundled_campaign, read_campaign
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.identification.settings import Settings
-from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Channel, Equations, Model, find_model
 from mofit.optimize import STAGES
 from mofit.parameters import Parameter, ParameterSpace

@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings
-from mofit.identification.stages import adjusted_modes, locate_minima, sample_modes
+from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Channel, Equations, Model
 from mofit.parameters import Parameter
 from mofit.problem.scoped_estimates import scoped_estimates

@@ -46,7 +46,8 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
             {"acceptance": mode.chains.acceptance.tolist()},
         )
         groups[f"{path}/log_likelihood"] = _log_likelihood(problem, mode, draws.points)
-        groups[f"{path}/posterior_predictive"] = _predictive(problem, draws.points)
+        simulated = problem if problem.evaluations is None else mode.sampled.problem.main
+        groups[f"{path}/posterior_predictive"] = _predictive(simulated, draws.points)
     return groups
 
 

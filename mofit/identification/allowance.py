@@ -1,0 +1,76 @@
+"""The simulations that are allowed: enough to begin with, some kept for later, and a word on what went without."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mofit.errors import InputError
+from mofit.identification.search_budget import FEWEST_SETS
+from mofit.problem import Problem
+from mofit.simulation.evaluation.draws import simulations_for
+
+#: Steps of a descent that a test alone must be worth.
+ALONE = 12
+#: What a diagnosis begins with that asked for more simulations than there were.
+SIMULATIONS_SPENT = "The simulations that are allowed did not suffice: what follows is not to be trusted."
+
+
+def check_allowed(problem: Problem) -> None:
+    """Refuse a limit that does not let a search and one descent begin.
+
+    Raises
+    ------
+    InputError
+        If too few simulations are allowed.
+    """
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return
+    tests, free = len(problem.tests), len(problem.space)
+    least = 2 * tests * (FEWEST_SETS + 2 * (1 + free))
+    if evaluations.limit < least:
+        message = f"too few for {tests} tests and {free} free parameters"
+        raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, f"Give at least {least}")
+
+
+def keep_for_predictions(problem: Problem, records: int) -> None:
+    """Keep simulations for predictions of so many records; with 0 they are free again."""
+    if problem.evaluations is not None:
+        problem.evaluations.reserved = records * simulations_for(len(problem.space))
+
+
+def enough_alone(problem: Problem) -> bool:
+    """Whether the simulations left let every test be fitted alone."""
+    if problem.evaluations is None:
+        return True
+    return problem.evaluations.left >= len(problem.tests) * ALONE * (1 + 2 * len(problem.space))
+
+
+def shortages(problem: Problem, groups: Sequence[str]) -> list[str]:
+    """A sentence on each thing that the limit left out, given the reference fits that there are."""
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return []
+    found = []
+    if "/per_frequency" not in groups:
+        found.append("Too few simulations were left to fit each test alone: their homogeneity is not known.")
+    if evaluations.refused:
+        found.append(
+            f"The limit of {evaluations.limit:.0f} simulations was reached: {evaluations.refused} that were asked for "
+            "were not made. More are allowed by --simulations."
+        )
+    return found
+
+
+def all_simulated(problem: Problem) -> bool:
+    """Whether all simulations were made that were asked for."""
+    return problem.evaluations is None or problem.evaluations.refused == 0
+
+
+def simulations_told(problem: Problem) -> list[str]:
+    """What a diagnosis took of a user's simulator, and what went without; nothing of a model that has equations."""
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return []
+    found = [f"{evaluations.count} simulations. Effects that act inside the simulator are out of reach."]
+    return [*found, *shortages(problem, ("/per_frequency",))]

@@ -1,0 +1,203 @@
+"""A mode of a costly simulator, emulated: trained around its minimum, checked and refined where its posterior lies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky
+
+from mofit._typing import FloatArray
+from mofit.identification.findings import Finding
+from mofit.problem import AdjustedPosterior, Problem
+from mofit.sampling import SampleSettings, sample_mode
+from mofit.simulation.evaluation.emulated import EmulatedSimulator
+from mofit.simulation.evaluation.emulator import Coordinates, Emulator
+from mofit.simulation.evaluation.surface import PER_COEFFICIENT, coefficients
+
+LogPosterior = Callable[[FloatArray], FloatArray]
+
+#: Error of the log posterior, in nats, at which refining ends: it moves no mean by more than 5 % of a standard
+#: deviation, and that only if it were to grow along one parameter alone.
+WANTED = 0.05
+#: Error beyond which the sampled posterior is not to be trusted: densities are wrong by a third.
+ACCEPTED = 0.3
+#: The first points spread that much wider than the posterior by the Laplace approximation, which may be too narrow.
+SPREAD = 1.4
+#: First points per coefficient of a quadratic.
+FIRST = 1.6
+#: Points that check, per parameter and at least.
+CHECKS_PER_PARAMETER, FEWEST_CHECKS = 2, 10
+#: Rounds of checking and refining at most.
+ROUNDS = 12
+#: Short chains suffice to draw points that check.
+_QUICK = SampleSettings(max_steps=60, min_rounds=3, max_rounds=6)
+
+
+@dataclass(frozen=True)
+class EmulatorCheck:
+    """How well an emulator stands for the simulator."""
+
+    error: float
+    """Root mean square error of the log posterior at fresh draws, nats; infinite: never checked."""
+    trained: int
+    """Parameter sets that it was trained at."""
+    simulations: int
+    """True simulations that it took."""
+    rounds: int
+    """Times that it was checked."""
+
+    def finding(self, mode: str) -> Finding | None:
+        """What is wrong with it, if anything is."""
+        if self.error <= ACCEPTED:
+            return None
+        size = "could not be checked" if np.isinf(self.error) else f"errs by {self.error:.2g} nats"
+        text = (
+            f"{mode}: the emulator that was sampled {size}, and the simulations that are allowed did not suffice to "
+            f"bring that below {ACCEPTED}. Do not use the standard deviations; allow more (--simulations)."
+        )
+        return Finding("emulator", "untrusted", text)
+
+
+def emulated(
+    adjusted: AdjustedPosterior,
+    point: FloatArray,
+    covariance: FloatArray,
+    seed: int,
+    *,
+    share: float = 1.0,
+    within: Callable[[LogPosterior], LogPosterior] = lambda own: own,
+    progress: Callable[[int, int, str], None] = lambda done, total, note: None,
+) -> tuple[AdjustedPosterior, EmulatorCheck]:
+    """The posterior around a minimum with an emulator in place of the simulator, and how good that is.
+
+    Parameters
+    ----------
+    adjusted, point, covariance
+        The posterior, its minimum (d,) and the covariance there by the Laplace approximation.
+    seed
+        Of the identification.
+    share
+        Part of the simulations left that it may take.
+    within
+        Cuts a posterior down to the region of the mode.
+    progress
+        Called after every round.
+    """
+    training = _Training.around(adjusted, point, covariance, seed, share)
+    if training is None:
+        return adjusted, EmulatorCheck(np.inf, 0, 0, 0)
+    error, rounds = np.inf, 0
+    while True:
+        quick = training.posterior(adjusted)
+        checks = training.affordable(max(FEWEST_CHECKS, CHECKS_PER_PARAMETER * len(point)))
+        if rounds == ROUNDS or checks < min(FEWEST_CHECKS, len(point) + 1):
+            break
+        target = within(quick.log_posterior)
+        chains = sample_mode(target, point, covariance, (seed, 7, rounds), _QUICK)
+        late = chains.chain[:, chains.chain.shape[1] // 2 :].reshape(-1, len(point))
+        fresh = late[np.random.default_rng((seed, 8, rounds)).integers(len(late), size=checks)]
+        error, rounds = training.error(adjusted, quick, fresh), rounds + 1
+        progress(training.simulations, 0, f"emulator: error {error:.2g} nats (log posterior) at {checks} fresh draws")
+        if error <= WANTED:
+            quick = training.posterior(adjusted)
+            break
+    return quick, EmulatorCheck(error, training.count, training.simulations, rounds)
+
+
+@dataclass
+class _Training:
+    """The parameter sets that an emulator is trained at, and the responses there."""
+
+    problem: Problem
+    coordinates: Coordinates
+    most: float
+    """Simulations that it may take."""
+    seed: int
+    sets: FloatArray
+    responses: list[FloatArray]
+    volumes: FloatArray
+    first: float
+    """Simulations of the problem before the training."""
+
+    @classmethod
+    def around(
+        cls, adjusted: AdjustedPosterior, point: FloatArray, covariance: FloatArray, seed: int, share: float
+    ) -> _Training | None:
+        """The first sets, around a minimum; None if too few simulations are left for a plane."""
+        from scipy.stats import norm, qmc  # late: its import takes half a second
+
+        problem, mapping = adjusted.problem.main, adjusted.adjustment.map
+        evaluations = problem.evaluations
+        assert evaluations is not None
+        free = problem.simulator.free
+        root = np.asarray(cholesky((mapping @ covariance @ mapping.T)[: len(free), : len(free)], lower=True))
+        columns = tuple(problem.layout.names.index(name) for name in free)
+        centre = adjusted.adjustment.mapped(point[None])[0, : len(free)]
+        coordinates = Coordinates(problem.space.subset(free), columns, centre, root)
+        none = np.zeros((0, len(problem.layout.names)))
+        found = cls(problem, coordinates, share * evaluations.left, seed, none, [], np.zeros(0), evaluations.count)
+        wanted = int(np.ceil(FIRST * coefficients(len(free), 2)))
+        count = found.affordable(wanted + FEWEST_CHECKS) - FEWEST_CHECKS
+        if count < PER_COEFFICIENT * coefficients(len(free), 1) + 1:
+            return None
+        sequence = qmc.Sobol(len(free), rng=np.random.default_rng((seed, 6)))
+        z = SPREAD * norm.ppf(sequence.random(1 << (count - 1).bit_length())[:count] * (1 - 2e-6) + 1e-6)
+        whole = np.tile(adjusted.adjustment.mapped(point[None]), (count + 1, 1))
+        whole[1:, : len(free)] = np.clip(centre + z @ root.T, 0.0, 1.0)
+        found.add(problem.layout.full(whole))
+        return found if found.count >= PER_COEFFICIENT * coefficients(len(free), 1) else None
+
+    @property
+    def count(self) -> int:
+        """Number of sets."""
+        return len(self.sets)
+
+    @property
+    def simulations(self) -> int:
+        """True simulations so far."""
+        assert self.problem.evaluations is not None
+        return int(self.problem.evaluations.count - self.first)
+
+    def affordable(self, wanted: int) -> int:
+        """So many further sets, or as many as may still be simulated."""
+        per_set = max(len(self.problem.tests), self.simulations / self.count if self.count else 0)
+        return int(min(wanted, max((self.most - self.simulations) // per_set, 0)))
+
+    def add(self, p: FloatArray) -> None:
+        """Simulate at sets (K, np), and learn from those that succeed."""
+        simulator = self.problem.simulator
+        responses = simulator.simulate(p)
+        good = np.all([np.isfinite(values).all(axis=(1, 2)) for values in responses], axis=0)
+        volumes = simulator.log_volume(p)
+        good &= np.isfinite(volumes)
+        self.sets = np.concatenate([self.sets, p[good]])
+        self.volumes = np.concatenate([self.volumes, volumes[good]])
+        self.responses = [
+            values[good] if not self.responses else np.concatenate([self.responses[test], values[good]])
+            for test, values in enumerate(responses)
+        ]
+
+    def posterior(self, adjusted: AdjustedPosterior) -> AdjustedPosterior:
+        """The posterior with the emulator as it is trained now."""
+        problem, weights = self.problem, self.problem.noise.weights
+        places = [test for test, experiment in enumerate(problem.experiments) for _ in experiment.fitted]
+        importance = np.array([weights[np.array(places) == test].mean() for test in range(len(problem.experiments))])
+        emulator = Emulator(
+            self.coordinates, problem.experiments, self.sets, self.responses, importance, self.volumes, self.seed
+        )
+        simulator = EmulatedSimulator(
+            problem.system, problem.experiments, problem.simulator.free, emulator, problem.simulator.absorbed
+        )
+        return replace(adjusted, problem=replace(problem, simulator=simulator))
+
+    def error(self, adjusted: AdjustedPosterior, quick: AdjustedPosterior, points: FloatArray) -> float:
+        """Error of the emulated log posterior at points (K, d), which are learned from then.
+
+        Where the simulator fails the emulator is wrong by as much as it matters: such points count as wrong by a nat.
+        """
+        mapped = adjusted.adjustment.mapped(points)
+        self.add(self.problem.layout.full(mapped))
+        wrong = quick.log_posterior(points) - adjusted.log_posterior(points)
+        return float(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, 1.0) ** 2)))

@@ -1,0 +1,214 @@
+"""What does mofit make of simulators that are plain Python functions? Writes reports/any_simulator/README.md.
+
+    python scripts/studies/any_simulator.py [--only NAME ...] [--campaigns 100] [--work FOLDER] [--data FOLDER]
+
+Functions around scipy's solve_ivp (`scripts/studies/any_simulator_cases.py`) are identified beside models with the same
+equations in CasADi: a damper on four simulated sines, two tanks and a battery cell at nine charge states, measured by
+others. Of each parameter the posterior means are compared, in standard deviations, and these. One simulation is one
+record at one parameter set; they are bounded as stated. The error of the emulator is that of its log posterior at
+fresh draws. A slow function (0.2 s per record) goes through the whole of `mofit identify` in two processes. Calibration
+takes a quick function on campaigns whose parameters are drawn from the prior (Talts et al. 2018) and counts how often a
+90 % interval contains the truth. Rows that the work folder holds already are kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from any_simulator_cases import OpenCircuit
+from calibration_cases import draw_campaign
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.identification.identify import identify
+from mofit.identification.settings import Settings
+from mofit.identification.stages import find_modes
+from mofit.models import Model, find_model, with_effects
+from mofit.results import simulations
+from records_cases import battery, tanks
+from report_page import ROOT, header, made_with, table, write_page
+
+SIMULATORS = ROOT / "scripts" / "studies" / "any_simulator_cases.py"
+#: campaign of the damper
+NUMBER = 3
+#: half of a 90 % interval lies between these quantiles
+INTERVAL = (0.05, 0.95)
+
+
+def simulator(name: str) -> Model:
+    """One of the study's."""
+    return find_model(f"{SIMULATORS}:{name}_simulator")
+
+
+def damper(data: Path) -> tuple[Campaign, Model, Model, int]:
+    """The damper on simulated sines."""
+    model, _, _, campaign, _ = draw_campaign("one mode", "white", NUMBER)
+    return campaign, model, simulator("damper"), 2000
+
+
+def two_tanks(data: Path) -> tuple[Campaign, Model, Model, int]:
+    """Two equal tanks, the record for the estimation."""
+    return tanks.campaign(data).select(["estimation"]), tanks.EqualTanks(), simulator("tanks"), 2000
+
+
+def one_cell(data: Path) -> tuple[Campaign, Model, Model, int]:
+    """A cell at nine charge states; its open-circuit voltages are an effect behind the simulator."""
+    campaign = battery.campaign(data)
+    tests = [test for test in campaign.tests if test.endswith("Cell1")]
+    return campaign.select(tests), battery.ChargedCell(), with_effects(simulator("cell"), OpenCircuit()), 6000
+
+
+BESIDE: dict[str, Callable[[Path], tuple[Campaign, Model, Model, int]]] = {
+    "damper": damper,
+    "tanks": two_tanks,
+    "battery": one_cell,
+}
+
+
+def kept(row: Path, make: Callable[[], dict]) -> dict:
+    """A row from its file, made where there is none."""
+    if not row.exists():
+        row.write_text(json.dumps(make()), encoding="utf-8")
+    return json.loads(row.read_text(encoding="utf-8"))
+
+
+def draws(campaign: Campaign, model: Model, settings: Settings) -> tuple[FloatArray, dict]:
+    """Draws of the best mode in unit coordinates, and what they took."""
+    began = time.perf_counter()
+    best, *others = find_modes(campaign, model, settings)
+    problem, chains = best.sampled.problem.main, best.chains
+    found = {"seconds": time.perf_counter() - began, "converged": chains.converged, "modes": 1 + len(others)}
+    if problem.evaluations is not None:
+        check = best.emulator
+        found |= {"simulations": problem.evaluations.count, "error": check.error, "trained": check.trained}
+    return chains.thinned().points.reshape(-1, len(problem.space)), {**found, "names": list(problem.space.names)}
+
+
+def beside(name: str, data: Path) -> dict:
+    """A function beside a model with equations."""
+    campaign, model, function, limit = BESIDE[name](data)
+    settings = Settings(seed=0, jobs=1, simulations=limit)
+    (here, ours), (there, equations) = (draws(campaign, one, settings) for one in (function, model))
+    order = [ours["names"].index(name) for name in equations["names"]]
+    here, sd = here[:, order], there.std(axis=0)
+    return {
+        **ours,
+        "limit": limit,
+        "names": equations["names"],
+        "shift": ((here.mean(axis=0) - there.mean(axis=0)) / sd).tolist(),
+        "ratio": (here.std(axis=0) / sd).tolist(),
+        "seconds_of_equations": equations["seconds"],
+    }
+
+
+def slow(work: Path) -> dict:
+    """The whole job with 0.2 s per record."""
+    _, _, truth, campaign, _ = draw_campaign("one mode", "white", NUMBER)
+    began = time.perf_counter()
+    folder, tree = identify(campaign, simulator("slow"), Settings(jobs=2), out=work / "slow_run")
+    found = simulations(tree)
+    assert found is not None
+    mode = tree["modes/m1"].dataset
+    low, high = mode["q05"].values, mode["q95"].values
+    return {
+        "seconds": time.perf_counter() - began,
+        "simulations": found["count"],
+        "error": found["emulators"]["m1"]["error"],
+        "converged": bool(tree.attrs["converged"]),
+        "inside": int(np.sum((low <= truth) & (truth <= high))),
+        "parameters": len(truth),
+        "folder": folder.name,
+    }
+
+
+def covered(number: int) -> dict:
+    """One campaign of the calibration: where the truth lies among the draws."""
+    _, unit, _, campaign, _ = draw_campaign("one mode", "white", number)
+    points, found = draws(campaign, simulator("quick"), Settings(seed=number, jobs=1))
+    return {**found, "place": np.mean(points < unit, axis=0).tolist()}
+
+
+def beside_table(rows: dict[str, dict]) -> list[str]:
+    """The functions beside equations."""
+    columns = (
+        "case",
+        "parameters",
+        "largest shift of a mean, sd",
+        "sd ratio",
+        "simulations",
+        "emulator, nats",
+        "s",
+        "s, equations",
+    )
+    lines = [
+        (
+            name, len(row["names"]), f"{np.abs(row['shift']).max():.4f}",
+            f"{min(row['ratio']):.3f} to {max(row['ratio']):.3f}", f"{row['simulations']} of {row['limit']}",
+            f"{row['error']:.2g}", f"{row['seconds']:.0f}", f"{row['seconds_of_equations']:.0f}",
+        )
+        for name, row in rows.items()
+    ]  # fmt: skip
+    return ["## The same posterior as with equations", "", *table(columns, lines)]
+
+
+def coverage_table(rows: Sequence[dict]) -> list[str]:
+    """How often the truth is inside."""
+    place = np.array([row["place"] for row in rows])
+    inside = (place >= INTERVAL[0]) & (place <= INTERVAL[1])
+    count, error = inside.size, np.sqrt(0.9 * 0.1 / inside.size)
+    columns = (
+        "campaigns",
+        "truth in the 90 % interval",
+        "standard error if it is 90 %",
+        "per parameter",
+        "simulations",
+    )
+    shares = ", ".join(f"{100 * share:.0f} %" for share in inside.mean(axis=0))
+    used = [row["simulations"] for row in rows]
+    share = f"{100 * inside.mean():.1f} % of {count}"
+    line = (len(rows), share, f"{100 * error:.1f} %", shares, f"{min(used)} to {max(used)}")
+    worst = max(row["error"] for row in rows)
+    text = f"The largest error of an emulator was {worst:.2g} nats; {sum(row['converged'] for row in rows)} converged."
+    return ["## Calibration", "", *table(columns, [line]), text, ""]
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--only", nargs="*", default=[], help=f"of {', '.join([*BESIDE, 'slow', 'calibration'])}")
+    parser.add_argument("--campaigns", type=int, default=100)
+    parser.add_argument("--work", type=Path, default=ROOT / "runs" / "any_simulator")
+    parser.add_argument("--data", type=Path, default=ROOT / ".." / "shared" / "data")
+    arguments = parser.parse_args()
+    work = arguments.work
+    work.mkdir(parents=True, exist_ok=True)
+    wanted = arguments.only or [*BESIDE, "slow", "calibration"]
+    rows = {
+        name: kept(work / f"{name}.json", lambda name=name: beside(name, arguments.data))
+        for name in BESIDE
+        if name in wanted
+    }
+    command = f"any_simulator.py --campaigns {arguments.campaigns}"
+    command += f" --only {' '.join(arguments.only)}" if arguments.only else ""
+    lines = [*header("Any simulator", __doc__, command, made_with()), *(beside_table(rows) if rows else [])]
+    if "slow" in wanted:
+        row = kept(work / "slow.json", lambda: slow(work))
+        lines += [
+            "## A slow function", "",
+            f"0.2 s per record: {row['simulations']} simulations and {row['seconds']:.0f} s for the whole job; the "
+            f"emulator errs by {row['error']:.2g} nats, and the truth of {row['inside']} of {row['parameters']} "
+            "parameters lies in its 90 % interval.", "",
+        ]  # fmt: skip
+    if "calibration" in wanted:
+        numbers = range(arguments.campaigns)
+        lines += coverage_table([kept(work / f"calibration-{k}.json", lambda k=k: covered(k)) for k in numbers])
+    write_page("any_simulator", lines)
+
+
+if __name__ == "__main__":
+    main()
