@@ -117,23 +117,27 @@ def highest_harmonic(excitation: FloatArray, periods: int) -> int:
     return max(HARMONICS, ORDER * highest_excited(excitation, periods))
 
 
-def highest_answering(excitation: FloatArray) -> float:
+def highest_answering(excitation: FloatArray) -> int:
     """The highest line of an input (n,) that does not repeat on which a gap may lie.
 
     A sparsely filled band counts as a whole, harmonics of its lines fall between them: up to twice the highest line
-    that it excites, or to the tenth harmonic of its middle one where it is narrow, as that of a sine which ramps.
+    that it excites, or to the tenth harmonic of the lowest one where it is narrow, as that of a sine which ramps.
     """
-    power = np.abs(np.fft.rfft(excitation - excitation.mean())) ** 2
-    middle = float(power @ np.arange(len(power)) / power.sum())
-    return max(2 * highest_excited(excitation), HARMONICS * middle)
+    lines = _excited_lines(excitation)
+    return max(2 * int(lines.max()), HARMONICS * int(lines.min()))
 
 
 def highest_excited(excitation: FloatArray, periods: int = 1) -> int:
     """The highest line that the input's power reaches: of a periodic one, the highest harmonic."""
+    return int(_excited_lines(excitation, periods).max())
+
+
+def _excited_lines(excitation: FloatArray, periods: int = 1) -> NDArray[np.intp]:
+    """The lines that hold nearly all of the input's power: of a periodic one, the harmonics."""
     power = np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2
     order = np.argsort(-power, kind="stable")
     most = int(np.searchsorted(np.cumsum(power[order]), _EXCITED_POWER * power.sum())) + 1
-    return int(order[:most].max())
+    return order[:most]
 
 
 def rotational_orders(measurement: Measurement) -> dict[str, float]:
