@@ -25,6 +25,8 @@ _LEAKAGE = 1.5
 _MODULATION = 2
 #: Share of an input's power that its excited lines hold; what is weaker moves no output beyond noise.
 _EXCITED_POWER = 0.999
+#: Share of it below the lower edge of the band.
+_LOWER_EDGE = 0.05
 #: Radius of the test drum, m, where a campaign does not state ``drum_radius``: 4.35 Hz at 60 km/h.
 _DRUM_RADIUS = 0.61
 #: p-value below which a frequency common to all tests counts as interference, corrected for all frequencies.
@@ -121,23 +123,23 @@ def highest_answering(excitation: FloatArray) -> int:
     """The highest line of an input (n,) that does not repeat on which a gap may lie.
 
     A sparsely filled band counts as a whole, harmonics of its lines fall between them: up to twice the highest line
-    that it excites, or to the tenth harmonic of the lowest one where it is narrow, as that of a sine which ramps.
+    that it excites, or to the tenth harmonic of its lower edge where it is narrow, as that of a sine which ramps.
     """
-    lines = _excited_lines(excitation)
-    return max(2 * int(lines.max()), HARMONICS * int(lines.min()))
+    power = np.cumsum(_power(excitation))
+    return max(2 * highest_excited(excitation), HARMONICS * int(np.searchsorted(power, _LOWER_EDGE * power[-1])))
 
 
 def highest_excited(excitation: FloatArray, periods: int = 1) -> int:
     """The highest line that the input's power reaches: of a periodic one, the highest harmonic."""
-    return int(_excited_lines(excitation, periods).max())
-
-
-def _excited_lines(excitation: FloatArray, periods: int = 1) -> NDArray[np.intp]:
-    """The lines that hold nearly all of the input's power: of a periodic one, the harmonics."""
-    power = np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2
+    power = _power(excitation, periods)
     order = np.argsort(-power, kind="stable")
     most = int(np.searchsorted(np.cumsum(power[order]), _EXCITED_POWER * power.sum())) + 1
-    return order[:most]
+    return int(order[:most].max())
+
+
+def _power(excitation: FloatArray, periods: int = 1) -> FloatArray:
+    """Of an input's lines; of a periodic one, of its harmonics."""
+    return np.asarray(np.abs(np.fft.rfft(excitation - excitation.mean())[:: max(periods, 1)]) ** 2)
 
 
 def rotational_orders(measurement: Measurement) -> dict[str, float]:
