@@ -11,6 +11,8 @@ from mofit.simulation.evaluation.draws import simulations_for
 
 #: Steps of a descent that a test alone must be worth.
 ALONE = 12
+#: Share of the simulations left that is kept for what follows search and descents, at most.
+KEPT_SHARE = 0.4
 #: What a diagnosis begins with that asked for more simulations than there were.
 SIMULATIONS_SPENT = "The simulations that are allowed did not suffice: what follows is not to be trusted."
 
@@ -31,6 +33,32 @@ def check_allowed(problem: Problem) -> None:
     if evaluations.limit < least:
         message = f"too few for {tests} tests and {free} free parameters"
         raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, f"Give at least {least}")
+
+
+def keep_for_sampling(problem: Problem) -> None:
+    """Keep simulations for the score at a minimum and a first emulator: search and descents do not spend all."""
+    evaluations = problem.evaluations
+    if evaluations is not None:
+        free = len(problem.space)
+        wanted = len(problem.tests) * (1 + 2 * free + simulations_for(free))
+        evaluations.reserved = int(min(wanted, KEPT_SHARE * evaluations.left))
+
+
+def check_left(problem: Problem) -> None:
+    """Refuse to go on where search and descents have left nothing for the uncertainty.
+
+    Raises
+    ------
+    InputError
+        If too few simulations are left.
+    """
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return
+    evaluations.reserved = 0
+    if evaluations.left < len(problem.tests) * (1 + 2 * len(problem.space)) and evaluations.refused:
+        message = "they were spent before the uncertainty could be computed"
+        raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, "Allow more, or narrow the ranges")
 
 
 def keep_for_predictions(problem: Problem, records: int) -> None:
