@@ -71,6 +71,22 @@ def si_unit(unit: str) -> str:
     raise UnitError(f"no SI unit known for '{unit}'")
 
 
+def any_si_unit(unit: str) -> str:
+    """As `si_unit`; of a dimension without a spelling a product of base units, ``kg m^2``.
+
+    Raises
+    ------
+    UnitError
+        If the unit is unknown.
+    """
+    root = _root(normal(unit))
+    for known in SI_UNITS:
+        if _root(known) == root:
+            return known
+    base = _registry().get_base_units(root)[1]
+    return normal(f"{base:~C}")
+
+
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that mofit converts."""
     try:

@@ -38,7 +38,17 @@ app = App(
 
 ModelName = Annotated[
     str | None,
-    Parameter(help="Name of a shipped model, or path/to/file.py:Name. By default the channels decide."),
+    Parameter(
+        help="Name of a shipped model, path/to/file.py:Name, or path/to/model.fmu. By default the channels decide."
+    ),
+]
+MapFile = Annotated[
+    Path | None,
+    Parameter(name="--map", help="TOML file that maps the variables of an FMU to channels, conditions, parameters."),
+]
+Free = Annotated[
+    tuple[str, ...],
+    Parameter(help="Parameters of an FMU to identify, as k,d; the others keep their values. By default all."),
 ]
 Effects = Annotated[
     tuple[str, ...],

@@ -13,9 +13,11 @@ from mofit.cli.app import (
     Effects,
     Evaluations,
     Fixed,
+    Free,
     Jobs,
     Joint,
     Json,
+    MapFile,
     ModelName,
     Search,
     Seed,
@@ -47,6 +49,8 @@ def identify(
     test: Tests = (),
     hold_out: tuple[str, ...] = (),
     model: ModelName = None,
+    map_file: MapFile = None,
+    free: Free = (),
     effect: Effects = (),
     search: Search = None,
     evaluations: Evaluations = None,
@@ -99,6 +103,7 @@ def identify(
     """
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
+    from mofit.models.fmu import fmu_reference
     from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, identify_file
 
@@ -122,7 +127,7 @@ def identify(
         time_limit=seconds("--time-limit", time_limit),
     )
     with progress_bar() as progress, ended_in(time_limit, LATE):
-        job = Job(file, model, effect, freq, test, settings, out, resume, hold_out)
+        job = Job(file, fmu_reference(model, map_file, free), effect, freq, test, settings, out, resume, hold_out)
         folder, summary = identify_file(job, progress)
     if as_json:
         print_json(summary)
@@ -137,6 +142,8 @@ def diagnose(
     /,
     *,
     model: ModelName = None,
+    map_file: MapFile = None,
+    free: Free = (),
     effects: tuple[str, ...] = (),
     include: tuple[str, ...] = (),
     test: Tests = (),
@@ -180,6 +187,7 @@ def diagnose(
     """
     from mofit.cli.output import progress_bar, show_diagnosis
     from mofit.identification.settings import Settings
+    from mofit.models.fmu import fmu_reference
     from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 
@@ -193,7 +201,8 @@ def diagnose(
         seed=seed,
         jobs=cores(jobs),
     )
-    job = Job(file, model, effects, (), test, settings, out, hold_out=hold_out, included=include)
+    named = fmu_reference(model, map_file, free)
+    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
     with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(job, progress)
     if as_json:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from mofit.cli.app import DONE, FinishedRun, Jobs, Json, Tests, app, cores, print_json
+from mofit.cli.app import DONE, FinishedRun, Free, Jobs, Json, MapFile, Tests, app, cores, print_json
 
 
 @app.command
@@ -18,6 +18,8 @@ def predict(
     *,
     test: Tests = (),
     model: str | None = None,
+    map_file: MapFile = None,
+    free: Free = (),
     effect: tuple[str, ...] = (),
     out: Path | None = None,
     jobs: Jobs = None,
@@ -32,7 +34,7 @@ def predict(
     Parameters
     ----------
     model
-        The run's model, if it is your own: path/to/file.py:Name.
+        The run's model, if it is your own: path/to/file.py:Name, or path/to/model.fmu.
     effect
         Effects of the run, all in their order, if one is your own; repeatable.
     out
@@ -40,10 +42,12 @@ def predict(
     """
     from mofit.cli.output import progress_bar, terminal_console
     from mofit.cli.predictions_shown import show_prediction
+    from mofit.models.fmu import fmu_reference
     from mofit.workflows.predictions import PredictionJob, predict_file
 
     with progress_bar() as progress:
-        folder, summary = predict_file(PredictionJob(run, file, test, model, effect, out, cores(jobs)), progress)
+        named = fmu_reference(model, map_file, free)
+        folder, summary = predict_file(PredictionJob(run, file, test, named, effect, out, cores(jobs)), progress)
     if as_json:
         print_json(summary)
     else:

@@ -14,6 +14,7 @@ from typing import TypeVar
 from mofit.errors import InputError, did_you_mean, raise_errors
 from mofit.models.black_box import Simulator
 from mofit.models.effect import Effect
+from mofit.models.fmu import is_fmu
 from mofit.models.initial_state import PREFIX, InitialState
 from mofit.models.model import Model
 from mofit.models.part_drift import DRIFT_PREFIX, PartDrift
@@ -39,11 +40,18 @@ def effect_names() -> tuple[str, ...]:
 def find_model(reference: str) -> Model:
     """The shipped model of that name, or the user's own from ``path/to/file.py:Name``: a class or a `Simulator`.
 
+    ``path/to/model.fmu`` is a simulator, too, with a map and free parameters if need be: ``model.fmu:MAP.toml:k,d``.
+    Its description is read; its native code is not loaded before the first simulation.
+
     Raises
     ------
     InputError
         If there is none; names the closest one.
     """
+    if is_fmu(reference):
+        from mofit.models.fmu.fmu_model import fmu_model
+
+        return fmu_model(reference)
     return _find(reference, Model)
 
 

@@ -26,6 +26,9 @@ _LOADING = 120.0
 _DEATH_SIGNAL = 1
 
 
+# whether this is a child
+_child = False
+
 #: keys of the objects that a call takes, and the pickled function and its other arguments
 _Call: TypeAlias = tuple[tuple[str, ...], bytes]
 
@@ -68,7 +71,8 @@ def serve(handle: int, preload: Sequence[str]) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     for name in preload:
-        import_module(name)
+        with suppress(ImportError):  # a child that needs it tells
+            import_module(name)
     with suppress(EOFError, OSError), TemporaryDirectory(prefix="mofit-") as folder:
         # what children unpack on disk is there for those that replace them, and goes with this process
         os.environ["TMPDIR"] = tempfile.tempdir = folder
@@ -145,7 +149,14 @@ def _forked(parent: Connection[Any, Any]) -> _Child:
     return _Child(pid, mine)
 
 
+def in_child() -> bool:
+    """Whether this is a process that may crash."""
+    return _child
+
+
 def _begin(supervisor: int) -> None:
+    global _child
+    _child = True
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     os.setpgid(0, 0)
     if sys.platform == "linux":  # elsewhere a child ends with its next answer

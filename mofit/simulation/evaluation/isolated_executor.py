@@ -76,7 +76,8 @@ class IsolatedExecutor:
         """Evaluate tasks whose objects are bytes already; see `run`."""
         pending, stop = deque(range(len(tasks))), Event()
         results: SimpleQueue[tuple[int, Evaluation | BaseException]] = SimpleQueue()
-        processes = [self._process() for _ in range(min(self.jobs, len(tasks)))]
+        preload = tuple(dict.fromkeys(name for task in tasks for name in task.preload))
+        processes = [self._process(preload) for _ in range(min(self.jobs, len(tasks)))]
         threads = [
             Thread(target=self._work, args=(process, tasks, pending, stop, results), daemon=True)
             for process in processes
@@ -102,11 +103,11 @@ class IsolatedExecutor:
             self._idle.extend(processes)
         return [found[index] for index in range(len(tasks))]
 
-    def _process(self) -> IsolatedProcess:
+    def _process(self, preload: tuple[str, ...]) -> IsolatedProcess:
         try:
             return self._idle.pop()
         except IndexError:
-            return IsolatedProcess(_PRELOAD, self.log)
+            return IsolatedProcess((*_PRELOAD, *preload), self.log)
 
     def _work(
         self,

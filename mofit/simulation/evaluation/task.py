@@ -49,6 +49,8 @@ class SentTask:
     parameters: Mapping[str, float]
     outputs: tuple[str, ...]
     free: tuple[str, ...]
+    preload: tuple[str, ...] = ()
+    """Modules that a process is to import once, before any child: those that the function's ``preload`` names."""
 
     @property
     def call(self) -> Call:
@@ -78,6 +80,7 @@ def sent(tasks: Sequence[Task]) -> list[SentTask]:
             {name: float(value) for name, value in task.parameters.items()},
             task.outputs,
             task.free,
+            tuple(getattr(task.function, "preload", ())),
         )
         for task in tasks
     ]
