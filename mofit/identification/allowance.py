@@ -13,6 +13,8 @@ from mofit.simulation.evaluation.draws import simulations_for
 ALONE = 12
 #: Share of the simulations left that is kept for what follows search and descents, at most.
 KEPT_SHARE = 0.4
+#: Emulators' worth of simulations that is kept for sampling: the first sets, and as many to check and refine.
+FIRST_EMULATOR = 2
 #: What a diagnosis begins with that asked for more simulations than there were.
 SIMULATIONS_SPENT = "The simulations that are allowed did not suffice: what follows is not to be trusted."
 
@@ -40,8 +42,10 @@ def keep_for_sampling(problem: Problem) -> None:
     evaluations = problem.evaluations
     if evaluations is not None:
         free = len(problem.space)
-        wanted = len(problem.tests) * (1 + 2 * free + simulations_for(free))
-        evaluations.reserved = int(min(wanted, KEPT_SHARE * evaluations.left))
+        evaluations.reserved.clear()
+        score, emulator = (len(problem.tests) * sets for sets in (1 + 2 * free, FIRST_EMULATOR * simulations_for(free)))
+        part = min(1.0, KEPT_SHARE * evaluations.left / (score + emulator))
+        evaluations.reserved |= {"score": int(part * score), "emulator": int(part * emulator)}
 
 
 def check_left(problem: Problem) -> None:
@@ -55,7 +59,7 @@ def check_left(problem: Problem) -> None:
     evaluations = problem.evaluations
     if evaluations is None:
         return
-    evaluations.reserved = 0
+    evaluations.reserved.pop("score", None)
     if evaluations.left < len(problem.tests) * (1 + 2 * len(problem.space)) and evaluations.refused:
         message = "they were spent before the uncertainty could be computed"
         raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, "Allow more, or narrow the ranges")
@@ -64,7 +68,7 @@ def check_left(problem: Problem) -> None:
 def keep_for_predictions(problem: Problem, records: int) -> None:
     """Keep simulations for predictions of so many records; with 0 they are free again."""
     if problem.evaluations is not None:
-        problem.evaluations.reserved = records * simulations_for(len(problem.space))
+        problem.evaluations.reserved["predictions"] = records * simulations_for(len(problem.space))
 
 
 def enough_alone(problem: Problem) -> bool:
