@@ -44,8 +44,8 @@ def keep_for_sampling(problem: Problem) -> None:
         free = len(problem.space)
         evaluations.reserved.clear()
         score, emulator = (len(problem.tests) * sets for sets in (1 + 2 * free, FIRST_EMULATOR * simulations_for(free)))
-        part = min(1.0, KEPT_SHARE * evaluations.left / (score + emulator))
-        evaluations.reserved |= {"score": int(part * score), "emulator": int(part * emulator)}
+        most = max(int(KEPT_SHARE * evaluations.left) - score, 0)
+        evaluations.reserved |= {"score": score, "emulator": min(emulator, most)}
 
 
 def check_left(problem: Problem) -> None:

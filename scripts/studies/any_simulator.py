@@ -207,6 +207,8 @@ def main() -> None:
     if "calibration" in wanted:
         numbers = range(arguments.campaigns)
         lines += coverage_table([kept(work / f"calibration-{k}.json", lambda k=k: covered(k)) for k in numbers])
+    if left_out := [name for name in (*BESIDE, "slow", "calibration") if name not in wanted]:
+        lines += [f"Not run for this page: {', '.join(left_out)}.", ""]
     write_page("any_simulator", lines)
 
 
