@@ -95,8 +95,8 @@ def sample_modes(
             if drawn.thinned().points.shape[1] >= FEWEST_DRAWS:
                 chains, evidence = drawn, bridge_log_evidence(own, drawn.thinned(), settings.seed)
         along = None if valley is None else valley.means
-        noise_hessian = adjusted.noise_hessian
-        mode = PosteriorMode(name, minimum, noise_hessian, quick, evidence, 1.0, chains, profiles, along, check)
+        near, noise_hessian = adjusted.problem.main, adjusted.noise_hessian
+        mode = PosteriorMode(name, minimum, noise_hessian, near, quick, evidence, 1.0, chains, profiles, along, check)
         sampled.append(mode)
     probabilities = mode_weights([mode.evidence.log_evidence for mode in sampled])
     return tuple(replace(mode, probability=float(p)) for mode, p in zip(sampled, probabilities, strict=True))
@@ -155,7 +155,8 @@ def _unsampled_mode(
     chains, evidence = _unsampled(minimum)
     sd = np.sqrt(np.diag(laplace_covariance(minimum.hessian)))
     profiles: Profile = profile(_Quadratic(minimum), minimum.point, sd)
-    return PosteriorMode(name, minimum, adjusted.noise_hessian, adjusted, evidence, 1.0, chains, profiles, None, check)
+    near, noise_hessian = adjusted.problem.main, adjusted.noise_hessian
+    return PosteriorMode(name, minimum, noise_hessian, near, adjusted, evidence, 1.0, chains, profiles, None, check)
 
 
 def _unsampled(minimum: Minimum) -> tuple[Chains, Evidence]:

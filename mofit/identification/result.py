@@ -28,6 +28,8 @@ class PosteriorMode:
     """Of the adjusted negative log posterior, with its Hessian."""
     noise_hessian: FloatArray
     """The Hessian for noise alone."""
+    near: Problem
+    """The tests, integrated for the neighbourhood of the minimum: in fewer steps than the whole box takes."""
     sampled: AdjustedPosterior
     """The adjusted posterior, quick to evaluate around the minimum."""
     evidence: Evidence
