@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mofit.errors import InputError
+from mofit.identification.findings import Finding
 from mofit.identification.search_budget import FEWEST_SETS
 from mofit.problem import Problem
 from mofit.simulation.evaluation.draws import simulations_for
@@ -86,12 +87,19 @@ def shortages(problem: Problem, groups: Sequence[str]) -> list[str]:
     found = []
     if "/per_frequency" not in groups:
         found.append("Too few simulations were left to fit each test alone: their homogeneity is not known.")
-    if evaluations.refused:
-        found.append(
-            f"The limit of {evaluations.limit:.0f} simulations was reached: {evaluations.refused} that were asked for "
-            "were not made. More are allowed by --simulations."
-        )
     return found
+
+
+def cut_short(problem: Problem) -> list[Finding]:
+    """That descents ended early for want of simulations, if they did."""
+    evaluations = problem.evaluations
+    if evaluations is None or not evaluations.refused:
+        return []
+    text = (
+        f"The limit of {evaluations.limit:.0f} simulations was reached: {evaluations.refused} that were asked for were "
+        "not made. Minima may not be reached, and the posterior around them may be wrong. Allow more (--simulations)."
+    )
+    return [Finding("simulations", "untrusted", text)]
 
 
 def all_simulated(problem: Problem) -> bool:
