@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mofit.errors import InputError
+from mofit.identification.findings import Finding
 from mofit.identification.search_budget import FEWEST_SETS
 from mofit.problem import Problem
 from mofit.simulation.evaluation.draws import simulations_for
 
 #: Steps of a descent that a test alone must be worth.
 ALONE = 12
+#: Share of the simulations left that is kept for what follows search and descents, at most.
+KEPT_SHARE = 0.4
+#: Emulators' worth of simulations that is kept for sampling: the first sets, and as many to check and refine.
+FIRST_EMULATOR = 2
 #: What a diagnosis begins with that asked for more simulations than there were.
 SIMULATIONS_SPENT = "The simulations that are allowed did not suffice: what follows is not to be trusted."
 
@@ -33,10 +38,38 @@ def check_allowed(problem: Problem) -> None:
         raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, f"Give at least {least}")
 
 
+def keep_for_sampling(problem: Problem) -> None:
+    """Keep simulations for the score at a minimum and a first emulator: search and descents do not spend all."""
+    evaluations = problem.evaluations
+    if evaluations is not None:
+        free = len(problem.space)
+        evaluations.reserved.clear()
+        score, emulator = (len(problem.tests) * sets for sets in (1 + 2 * free, FIRST_EMULATOR * simulations_for(free)))
+        most = max(int(KEPT_SHARE * evaluations.left) - score, 0)
+        evaluations.reserved |= {"score": score, "emulator": min(emulator, most)}
+
+
+def check_left(problem: Problem) -> None:
+    """Refuse to go on where search and descents have left nothing for the uncertainty.
+
+    Raises
+    ------
+    InputError
+        If too few simulations are left.
+    """
+    evaluations = problem.evaluations
+    if evaluations is None:
+        return
+    evaluations.reserved.pop("score", None)
+    if evaluations.left < len(problem.tests) * (1 + 2 * len(problem.space)) and evaluations.refused:
+        message = "they were spent before the uncertainty could be computed"
+        raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, "Allow more, or narrow the ranges")
+
+
 def keep_for_predictions(problem: Problem, records: int) -> None:
     """Keep simulations for predictions of so many records; with 0 they are free again."""
     if problem.evaluations is not None:
-        problem.evaluations.reserved = records * simulations_for(len(problem.space))
+        problem.evaluations.reserved["predictions"] = records * simulations_for(len(problem.space))
 
 
 def enough_alone(problem: Problem) -> bool:
@@ -54,12 +87,19 @@ def shortages(problem: Problem, groups: Sequence[str]) -> list[str]:
     found = []
     if "/per_frequency" not in groups:
         found.append("Too few simulations were left to fit each test alone: their homogeneity is not known.")
-    if evaluations.refused:
-        found.append(
-            f"The limit of {evaluations.limit:.0f} simulations was reached: {evaluations.refused} that were asked for "
-            "were not made. More are allowed by --simulations."
-        )
     return found
+
+
+def cut_short(problem: Problem) -> list[Finding]:
+    """That descents ended early for want of simulations, if they did."""
+    evaluations = problem.evaluations
+    if evaluations is None or not evaluations.refused:
+        return []
+    text = (
+        f"The limit of {evaluations.limit:.0f} simulations was reached: {evaluations.refused} that were asked for were "
+        "not made. Minima may not be reached, and the posterior around them may be wrong. Allow more (--simulations)."
+    )
+    return [Finding("simulations", "untrusted", text)]
 
 
 def all_simulated(problem: Problem) -> bool:

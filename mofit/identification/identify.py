@@ -13,7 +13,7 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.identification.allowance import keep_for_predictions, shortages
+from mofit.identification.allowance import cut_short, keep_for_predictions, shortages
 from mofit.identification.estimates import estimates, unrefined
 from mofit.identification.findings import Finding, at_limits, misfit, ridges
 from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
@@ -182,6 +182,7 @@ def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settin
     whole, space = best.minimum.hessian, problem.space
     return (
         *(found for mode in modes if mode.emulator and (found := mode.emulator.finding(mode.name))),
+        *cut_short(problem),
         *misfit(problem, problem.objectives(best.minimum.point[None])[0]),
         *at_limits(space, best.minimum, whole, tuple(settings.bounds)),
         *ridges(space, best.minimum.point, whole, best.path),

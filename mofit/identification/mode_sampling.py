@@ -126,6 +126,7 @@ def _quick(
         return adjusted.local(minimum.point, np.sqrt(np.diag(covariance))), None
     if not settings.sample:
         return None, None
+    adjusted.problem.main.evaluations.reserved.pop("emulator", None)
     share, tell = 1 / modes_left, partial(progress, "emulate")
     quick, check = emulated(
         adjusted, minimum.point, covariance, settings.seed, share=share, within=within, progress=tell

@@ -13,7 +13,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.identification.allowance import check_allowed
+from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
 from mofit.identification.descents import few_starts, settings_for
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
@@ -82,6 +82,7 @@ def locate_minima(
             progress("search", 0, 0, str(note))
         setup, notes = wider, [*notes, *map(str, new)]
         located = _located(setup, timer, progress, until)
+    check_left(located.problem)
     return replace(located, warnings=(*located.warnings, *notes)) if notes else located
 
 
@@ -95,6 +96,7 @@ def _located(
     """Search and refine in the ranges of a problem."""
     with timer.measure("prepare"):
         searched, posterior = setup.searched, setup.posterior
+        keep_for_sampling(searched)
     with timer.measure("search"):
         found, weights = search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):

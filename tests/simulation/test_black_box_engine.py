@@ -167,10 +167,10 @@ def test_beyond_the_limit_nothing_is_simulated():
 
 def test_what_is_kept_for_later_is_not_spent():
     model = with_evaluations(line_simulator(), 5)
-    evaluations_of(model).reserved = 3
+    evaluations_of(model).reserved["later"] = 3
     problem = build_problem(model, campaign(sine_test()))
     assert np.isfinite(problem.objectives(np.random.default_rng(0).random((5, 2)))).sum() == 2
-    evaluations_of(model).reserved = 0
+    evaluations_of(model).reserved.clear()
     assert np.isfinite(problem.objectives(np.random.default_rng(1).random((5, 2)))).sum() == 3
 
 

@@ -55,8 +55,8 @@ class Evaluations:
         self._bytes = 0
         self.count = 0
         """Simulations so far."""
-        self.reserved = 0
-        """Simulations that are kept for later."""
+        self.reserved: dict[str, int] = {}
+        """Simulations that are kept for later, by what for."""
         self.failed = 0
         """Those of them that failed."""
         self.refused = 0
@@ -67,7 +67,7 @@ class Evaluations:
     @property
     def left(self) -> float:
         """Simulations that are still allowed."""
-        return max(self.limit - self.reserved - self.count, 0)
+        return max(self.limit - sum(self.reserved.values()) - self.count, 0)
 
     @property
     def offers_slopes(self) -> bool:
