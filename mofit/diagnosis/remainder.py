@@ -147,7 +147,8 @@ def _estimation(hold_outs: Sequence[Evidence], tests: Sequence[Evidence], random
     each = np.log(np.concatenate([one.whole for one in tests])) if tests else np.zeros(0)
     spread = float(np.std(each, ddof=1)) if len(each) > 1 else _TYPICAL_SPREAD
     count = sum(len(one.whole) for one in hold_outs)
-    found *= np.exp(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS))
+    with np.errstate(over="ignore"):  # two tests say next to nothing of their spread: some draws are beyond all bounds
+        found *= np.exp(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS))
     expected = sum(one.expected for one in tests)
     if expected > 0:  # the scale of the posterior by the jackknife, as uncertain as there are tests
         scale = sum(one.moved for one in tests) / expected
