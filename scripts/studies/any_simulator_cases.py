@@ -75,17 +75,20 @@ def tanks(record: Record, parameters: dict[str, float]) -> FloatArray:
 
 
 def cell(record: Record, parameters: dict[str, float]) -> FloatArray:
-    """A cell with one RC branch (`records_cases.battery.ChargedCell`), its open-circuit voltage left out."""
-    current = CubicSpline(record.time, record.inputs["current"])
+    """A cell with one RC branch (`records_cases.battery.ChargedCell`), its open-circuit voltage left out.
+
+    The current runs in straight lines between samples, as in the records. No step is longer than one.
+    """
+    time, current = record.time, record.inputs["current"]
     p, low = parameters, np.exp((0.1 - record.conditions["state_of_charge"]) / parameters["w"])
     series, branch, tau = (
         p[name] * (1 + p[rise] * low) for name, rise in (("R_0", "r_0"), ("R_1", "r_1"), ("tau", "r_t"))
     )
     found = solve_ivp(
-        lambda t, x: (branch * current(t) - x) / tau,
-        (0.0, record.time[-1]), [0.0], t_eval=record.time, rtol=1e-6, atol=1e-9,
+        lambda t, x: (branch * np.interp(t, time, current) - x) / tau,
+        (0.0, time[-1]), [0.0], t_eval=time, rtol=1e-6, atol=1e-9, max_step=time[1],
     )  # fmt: skip
-    return series * record.inputs["current"] + found.y[0]
+    return series * current + found.y[0]
 
 
 class OpenCircuit(Addition):

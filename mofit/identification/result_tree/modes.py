@@ -28,11 +28,11 @@ FEWEST_PREDICTIVE_DRAWS = 8
 
 def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
     """All groups of all modes by path."""
-    problem, space, groups = outcome.problem, outcome.problem.space, {}
+    space, groups = outcome.problem.space, {}
     for mode in outcome.modes:
-        path = f"/modes/{mode.name}"
+        path, problem = f"/modes/{mode.name}", mode.near
         groups[path] = _summary(path, problem, mode)
-        groups[f"{path}/prediction"] = simulated_signals(mode.near, mode.minimum.point)
+        groups[f"{path}/prediction"] = simulated_signals(problem, mode.minimum.point)
         groups |= scoped_group(f"{path}/scoped", problem, mode.minimum)
         groups[f"{path}/profile"] = profile_group(f"{path}/profile", space, mode.profile)
         if not mode.is_sampled:
@@ -46,7 +46,7 @@ def mode_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
             {"acceptance": mode.chains.acceptance.tolist()},
         )
         groups[f"{path}/log_likelihood"] = _log_likelihood(problem, mode, draws.points)
-        simulated = mode.near if problem.evaluations is None else mode.sampled.problem.main
+        simulated = problem if problem.evaluations is None else mode.sampled.problem.main
         groups[f"{path}/posterior_predictive"] = _predictive(simulated, draws.points)
     return groups
 
