@@ -237,7 +237,7 @@ def test_a_solution_that_is_not_converged_is_named_with_the_parameter_and_a_cure
         return -0.5 * np.sum(((u - 0.5) / width) ** 2, axis=1)
 
     def told(chains):
-        unread = dict.fromkeys(("minimum", "noise_hessian", "sampled", "evidence", "probability", "profile"))
+        unread = dict.fromkeys(("minimum", "noise_hessian", "near", "sampled", "evidence", "probability", "profile"))
         return PosteriorMode(name="m2", chains=chains, **unread).unconverged(("c", "d"))
 
     chains = sample_mode(density, np.full(2, 0.5), np.diag(width**2), 3, SampleSettings(max_steps=60))
