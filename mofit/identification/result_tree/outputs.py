@@ -17,6 +17,10 @@ from mofit.results import OUTPUT_UNIT, Computed, Signal, axis, quantity, signal_
 from mofit.simulation import measured_outputs, objective_pairs
 
 
+#: Numbers of a long test that are simulated together, before they are stored in fewer bytes.
+AT_ONCE = 500_000
+
+
 def test_axes(problem: Problem) -> dict[str, xr.Variable]:
     """Labels of the tests, and of the outputs with their units where there are several."""
     outputs = problem.model.outputs
@@ -68,7 +72,10 @@ def simulated_signals(
     simulator = problem.simulator.without_tables()
 
     def compute(test: int) -> FloatArray:
-        values = simulator.one(test, p)
+        recorded = problem.experiments[test].recorded
+        values, at_once = np.empty((len(p), recorded, len(own)), dtype), max(1, AT_ONCE // recorded)
+        for first in range(0, len(p), at_once):
+            values[first : first + at_once] = simulator.one(test, p[first : first + at_once])
         return _arranged(values.reshape(*lead, *values.shape[1:]), own, wanted)
 
     last = (len(wanted),) * (len(wanted) > 1)
