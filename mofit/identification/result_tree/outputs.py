@@ -16,7 +16,6 @@ from mofit.quantities import title_of
 from mofit.results import OUTPUT_UNIT, Computed, Signal, axis, quantity, signal_dataset
 from mofit.simulation import measured_outputs, objective_pairs
 
-
 #: Numbers of a long test that are simulated together, before they are stored in fewer bytes.
 AT_ONCE = 500_000
 
