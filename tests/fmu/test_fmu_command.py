@@ -111,7 +111,8 @@ def test_the_posterior_is_that_of_the_equations(place, capsys):
 @pytest.mark.slow
 def test_a_run_with_a_hostile_fmu_ends_right(place, capsys):
     build(place, "HOSTILE", exchange=False)
-    options = ("--model", "oscillator.fmu", "--map", "map.toml", "--free", "k,d", "--timeout", "1s", "--jobs", "2")
+    (place / "coarse.toml").write_text(f"steps = 4{MAP}")
+    options = ("--model", "oscillator.fmu", "--map", "coarse.toml", "--free", "k,d", "--timeout", "1s", "--jobs", "2")
     found, told = identified(capsys, "hostile", *options)
     assert told["simulations"]["failed"] > 0
     for name, sd in standard_deviations().items():
