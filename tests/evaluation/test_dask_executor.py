@@ -20,7 +20,7 @@ RECORD = Record("sine", TIME, {"displacement": np.sin(TIME)}, {})
 @pytest.fixture(scope="module")
 def cluster():
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", worker_dashboard_address=":0"
     ) as cluster:
         yield cluster
 

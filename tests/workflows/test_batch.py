@@ -133,11 +133,12 @@ def kill_a_busy_worker(address, out):
     from distributed import Client
 
     with Client(address, set_as_default=False) as client:
-        while not list(out.glob("*.partial")):
+        workers, busy = client.run(os.getpid), list[str]()
+        while not busy:
             time.sleep(0.02)
-        workers = client.run(os.getpid)
-        busy = next(address for address, tasks in client.processing().items() if tasks)
-        os.kill(workers[busy], signal.SIGKILL)
+            if list(out.glob("*.partial")):
+                busy = [address for address, tasks in client.processing().items() if tasks]
+        os.kill(workers[busy[0]], signal.SIGKILL)
 
 
 @pytest.mark.slow
@@ -146,7 +147,7 @@ def test_dask_gives_the_same_and_a_killed_worker_loses_nothing(rows, place, mode
     found, _ = rows
     out = tmp_path / "out"
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, worker_dashboard_address=None
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", worker_dashboard_address=":0"
     ) as cluster:
         killer = threading.Thread(target=kill_a_busy_worker, args=(cluster.scheduler_address, out))
         killer.start()
