@@ -23,7 +23,7 @@ def connected(option: str, address: str, patience: float) -> Client:
     except ImportError:
         raise InputError.of(option, "needs Dask", "Install mofit's extra: pip install 'mofit[dask]'") from None
     try:
-        return Client(address, timeout=patience, set_as_default=False)
+        return Client(address, timeout=patience)
     except (OSError, ValueError, TimeoutError) as error:
         message = f"no scheduler answers ({error})"
         raise InputError.of(f"{option} {address}", message, "Check the address") from None
