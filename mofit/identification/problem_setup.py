@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
-from mofit.identification.calibration import Calibration, calibrate, calibrated_values
+from mofit.identification.calibration import Calibration, calibrate, calibrated_values, stage_model
 from mofit.identification.settings import Settings, free_space
-from mofit.models import Model, find_model
+from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
 from mofit.problem.pooling import hyperparameters
@@ -39,6 +39,8 @@ class ProblemSetup:
     """Time that the periodic inputs of tests act on the model before the first sample, s."""
     known: tuple[ExperimentData, ...] = ()
     """Tests of another problem on the campaign, for `mofit.problem.build_problem`."""
+    start: Mapping[str, float] | None = None
+    """Values by name to start from in place of a search."""
 
     @cached_property
     def searched(self) -> Problem:
@@ -82,6 +84,7 @@ def set_up_problem(
     space: ParameterSpace | None = None,
     done: Sequence[Calibration] = (),
     leads: Mapping[str, float] = MappingProxyType({}),
+    start: Mapping[str, float] | None = None,
 ) -> ProblemSetup:
     """Choose tests and free parameters, and fit the calibration stages.
 
@@ -98,6 +101,8 @@ def set_up_problem(
         Stages fitted to this campaign before; those that are the same are not fitted again.
     leads
         Time that the periodic inputs of tests act on the model before the first sample, s.
+    start
+        Values by name to start from: in place of a search, and beside the starts of the stages.
 
     Raises
     ------
@@ -109,15 +114,19 @@ def set_up_problem(
     shared, own = scoped(free_space(model, settings))
     space = space or shared
     _refuse_calibrated(model, own)
-    calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
+    calibrations, warnings = calibrate(
+        model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done, start=start or {}
+    )
     warnings = [*warnings, *_unmeasured(model, selected)]
-    return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings), dict(leads))
+    return ProblemSetup(
+        model, settings, selected, space, own, tuple(calibrations), tuple(warnings), dict(leads), start=start
+    )
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:
     """Scoped parameters that a stage calibrates have no value of their own in the stage's tests."""
     for stage in model.stages:
-        names = {p.name for p in find_model(stage.model).parameters} & {*own.names}
+        names = {p.name for p in stage_model(stage, model).parameters} & {*own.names}
         raise_errors(
             Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
             for name in sorted(names)

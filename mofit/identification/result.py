@@ -14,6 +14,7 @@ from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
 from mofit.identification.emulation import EmulatorCheck
 from mofit.identification.findings import Finding
+from mofit.identification.law_study import LawStudy
 from mofit.optimize import Minimum, Profile, SearchResult
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem
 from mofit.sampling import Chains, Evidence
@@ -105,6 +106,8 @@ class IdentificationResult(Located):
     """What a reader must know before the numbers."""
     seconds: Mapping[str, float]
     """Per stage."""
+    study: LawStudy | None = None
+    """What every combination of conditions told alone, where parameters follow laws over conditions."""
 
     @property
     def converged(self) -> bool:

@@ -14,7 +14,17 @@ import casadi as ca
 import xarray as xr
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.models import BlackBoxSystem, Channel, Model, build_system, find_effect, find_model, with_effects
+from mofit.models import (
+    BlackBoxSystem,
+    Channel,
+    Model,
+    as_laws,
+    build_system,
+    find_effect,
+    find_model,
+    with_effects,
+    with_laws,
+)
 from mofit.results.reading import fixed_values, summary
 from mofit.runtime.toml import toml_value
 
@@ -91,7 +101,9 @@ def model_of_run(tree: xr.DataTree, model: Model | str | None = None, effects: S
     name, *added = str(tree.attrs["model"]).split("+")
     base = model if isinstance(model, Model) else find_model(model or name)
     found = with_effects(base, *(find_effect(effect) for effect in (effects or added)))
-    used = json.loads(tree.attrs["configuration"]).get("equations")
+    configuration = json.loads(tree.attrs["configuration"])
+    found = with_laws(found, as_laws(configuration.get("parameter_laws", ())))
+    used = configuration.get("equations")
     if build_system(found).hash() != used:
         what = f"its equations are not those that the run identified ('{tree.attrs['model']}')"
         raise InputError.of(f"model '{found.name}'", what, "Give --model and --effect as they were, or identify anew")
