@@ -91,6 +91,16 @@ def study_conditions(
     )
 
 
+def with_laws_of_conditions(
+    campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str], progress: Progress = silent
+) -> tuple[Model, Settings]:
+    """Model and settings with the laws that the conditions ask for; as they are where the settings name none."""
+    if not settings.over:
+        return model, settings
+    study = study_conditions(campaign, model, settings, tests, progress=progress)
+    return study.model(model), replace(study.settings(settings), over=(), laws={})
+
+
 def law_candidates(
     parameters: Sequence[Parameter], at: FloatArray, settings: Settings, campaign: Campaign
 ) -> Candidates:

@@ -2,6 +2,7 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import is_large, open_result, write_result
+from mofit.results.laws import laws_summary
 from mofit.results.layout import OUTPUT_UNIT, OWN_UNIT
 from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
@@ -36,6 +37,7 @@ __all__ = [
     "green",
     "group_dataset",
     "is_large",
+    "laws_summary",
     "objectives",
     "open_result",
     "parameter_axis",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mofit.data import Campaign, bundled_campaign, read_campaign
+from mofit.data import Campaign, bundled_campaign, joined, read_campaign
 from mofit.errors import InputError
 from mofit.identification.identify import Settings, identify
 from mofit.models import Model, default_model, find_effect, find_model, with_effects
@@ -44,6 +44,8 @@ class Job:
     """Tests that are not used, but predicted."""
     included: tuple[str, ...] = ()
     """Effects that are part of the model that a diagnosis takes."""
+    more: tuple[Path, ...] = ()
+    """More campaign files: the tests of all are one campaign, each under the conditions of its own."""
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
@@ -88,7 +90,8 @@ def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:
     """Campaign and model, without effects; by default the model that fits the campaign's channels."""
     if job.file is None:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
-    campaign = read_campaign(bundled_campaign() if job.file is None else job.file)
+    files = [bundled_campaign() if job.file is None else job.file, *job.more]
+    campaign = joined([read_campaign(file) for file in files], [file.stem for file in files])
     if job.model:
         return campaign, find_model(job.model)
     return campaign, default_model(name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs))
