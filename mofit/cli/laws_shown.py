@@ -21,3 +21,17 @@ def laws_table(found: Mapping[str, Any]) -> Table:
         second = ("–", "") if best is None else (best, f"{others[best]:.3g}")
         table.add_row(law["parameter"], law["condition"], law["law"], *second)
     return table
+
+
+def populations_table(found: Mapping[str, Any]) -> Table:
+    """Mean and spread of every parameter over the specimens."""
+    table = Table(title="Specimens", box=SIMPLE, padding=(0, 1, 0, 0))
+    table.add_column("parameter", no_wrap=True)
+    for head in ("mean", "5 %", "95 %", "spread", "5 %", "95 %"):
+        table.add_column(head, justify="right")
+    table.add_column("unit")
+    for name, one in found["populations"].items():
+        keys = ("mean", "mean_low", "mean_high", "spread", "spread_low", "spread_high")
+        unit = f"{one['unit']}; spread of the logarithm" if one["of_logarithm"] else one["unit"]
+        table.add_row(name, *(f"{one[key]:.4g}" for key in keys), unit)
+    return table

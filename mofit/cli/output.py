@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mofit.cli.laws_shown import laws_table
+from mofit.cli.laws_shown import laws_table, populations_table
 from mofit.cli.predictions_shown import predictions_table, scoped_lines
 from mofit.results import simulations_line
 from mofit.runtime.progress import Progress as Listener
@@ -94,6 +94,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
             console.print(_scoped(mode))
     if summary.get("laws"):
         console.print(laws_table(summary["laws"]))
+        if "populations" in summary["laws"]:
+            console.print(populations_table(summary["laws"]))
     if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
     if summary.get("held_out"):

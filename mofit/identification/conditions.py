@@ -10,11 +10,18 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.data.join import varying_conditions
+from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
 from mofit.identification.law_choice import Candidates, alternatives, choose_laws
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
+from mofit.identification.population import (
+    FEWEST,
+    POOLED,
+    choose_populations,
+    outliers,
+    populations,
+)
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.result import Located
 from mofit.identification.settings import Settings, free_space
@@ -63,7 +70,11 @@ def study_conditions(
     groups = _groups(campaign.select(used), settings.over)
     groups = {at: names for at, names in groups.items() if set(names) & set(chosen)}
     parameters = _parameters(model, campaign.select(chosen), settings)
-    candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
+    if SPECIMEN in settings.over:
+        refuse_for_specimens(parameters, settings, len(groups))
+        candidates: Candidates = {}
+    else:
+        candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
     alone = replace(settings, over=(), laws={})
     located, cells = [], []
     for number, (at, names) in enumerate(groups.items()):
@@ -81,14 +92,32 @@ def study_conditions(
         values=np.stack([values for values, _ in cells]),
         covariance=np.stack([covariance for _, covariance in cells]),
     )
+    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
+    evaluations = sum(one.search.evaluations for one in located)
+    if SPECIMEN in settings.over:
+        fit, evidence = choose_populations(estimates, settings.laws)
+        found = populations(estimates), outliers(estimates)
+        return LawStudy(estimates, own_tests, fit, evidence, evaluations, *found)
     best = choose_laws(estimates, candidates)
-    return LawStudy(
-        cells=estimates,
-        tests=tuple(tuple(name for name in names if name in chosen) for names in groups.values()),
-        fit=best,
-        evidence=alternatives(estimates, best, candidates),
-        evaluations=sum(one.search.evaluations for one in located),
-    )
+    return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
+
+
+def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
+    """Raise an `InputError` with what does not suit specimens: other conditions, other laws, too few of them."""
+    issues = []
+    if len(settings.over) > 1:
+        hint = f"Pool a parameter beside laws: --per NAME={SPECIMEN} --pooled NAME"
+        issues.append(Issue("--over", f"names {SPECIMEN} and other conditions", hint))
+    if count < FEWEST:
+        issues.append(Issue(f"--over {SPECIMEN}", f"there are {count} specimens", f"Give {FEWEST} files at least"))
+    known = [one.name for one in parameters]
+    for name, form in settings.laws.items():
+        if name not in known:
+            issues.append(Issue(f"--law {name}={form}", f"no free parameter '{name}'", did_you_mean(name, known)))
+        if form not in (CONSTANT, POOLED):
+            hint = f"Choose {CONSTANT} or {POOLED}"
+            issues.append(Issue(f"--law {name}={form}", "specimens have no order", hint))
+    raise_errors(issues)
 
 
 def with_laws_of_conditions(

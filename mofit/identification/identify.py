@@ -17,7 +17,7 @@ from mofit.data import Campaign
 from mofit.identification.allowance import cut_short, keep_for_predictions, shortages
 from mofit.identification.conditions import study_conditions
 from mofit.identification.estimates import estimates, unrefined
-from mofit.identification.findings import Finding, at_limits, misfit, ridges
+from mofit.identification.findings import Finding, at_limits, misfit, of_laws, ridges
 from mofit.identification.held_out import of_conditions, remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.mode_sampling import sample_modes
@@ -152,7 +152,7 @@ def identify(
             keep_for_predictions(located.problem, 0)
             result = IdentificationResult(
                 **{**vars(located), "warnings": (*located.warnings, *unconverged, *left_out)},
-                findings=_findings(located, modes, settings),
+                findings=(*_findings(located, modes, settings), *of_laws(study, whole)),
                 campaign=whole,
                 configuration=configuration,
                 modes=modes,

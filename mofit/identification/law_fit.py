@@ -116,6 +116,8 @@ def fit_laws(cells: CellEstimates, forms: Assignment, start: Mapping[str, float]
     given = [k for k, column in enumerate(columns) if column.free]
     lawful = [columns[k] for k in kept]
     precision = np.linalg.inv(cells.covariance[:, kept][:, :, kept]) if given else cells.precision
+    if not lawful:
+        return LawFit(dict(forms), (), {}, 0.0, 0, -_volume(cells, columns, given))
     beta, hessian, value = _minimised(cells.z[:, kept], precision, lawful)
     widths = np.concatenate([column.widths for column in lawful])
     count = len(widths) + len(given) * len(cells.at)

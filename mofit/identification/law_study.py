@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from mofit.identification.law_fit import CellEstimates, LawFit
+from mofit.identification.population import POOLED, Outlier, Population
 from mofit.identification.settings import Settings
 from mofit.models import Law, Model, with_laws
 
@@ -23,6 +24,9 @@ class LawStudy:
     """Log evidence of every candidate relative to that, by parameter and condition."""
     evaluations: int
     """Of all searches."""
+    populations: tuple[Population, ...] = ()
+    outliers: tuple[Outlier, ...] = ()
+    """Of specimens: every parameter over them, and those that stand out."""
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -34,6 +38,7 @@ class LawStudy:
         return with_laws(model, self.laws)
 
     def settings(self, settings: Settings) -> Settings:
-        """The settings of the joint identification: free parameters have a value per combination."""
-        scopes = {name: ",".join(self.cells.conditions) for name in self.fit.free}
-        return replace(settings, scopes={**settings.scopes, **scopes})
+        """The settings of the joint identification: free and pooled parameters have a value per combination."""
+        pooled = tuple(name for (name, _), form in self.fit.forms.items() if form == POOLED)
+        scopes = {name: ",".join(self.cells.conditions) for name in (*self.fit.free, *pooled)}
+        return replace(settings, scopes={**settings.scopes, **scopes}, pooled=(*settings.pooled, *pooled))

@@ -47,12 +47,15 @@ class ProblemSetup:
         """What the search sees: calibrated parameters fixed at their estimates (free with ``joint``)."""
         known = {} if self.settings.joint else calibrated_values(self.calibrations)
         free = [name for name in self.space.names if name not in known]
-        if not free:
+        populations = hyperparameters(self.scoped)
+        if not free and not (populations and self.start):
             message = "fixes every parameter of the search; the calibration stages estimate the others"
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
-        means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
+        means = {one.name: (self.start or {}).get(one.name, one.nominal) for one in populations}
         fixed = {**known, **self.settings.fixed, **means}
-        space = ParameterSpace((*self.space.subset(free).parameters, *self.fitted.parameters))
+        # where all that is free is drawn from populations, these are what there is to look for
+        searched = self.space.subset(free).parameters or populations
+        space = ParameterSpace((*searched, *self.fitted.parameters))
         model, campaign, jobs = self.model, self.campaign, self.settings.jobs
         return build_problem(model, campaign, space=space, fixed=fixed, leads=self.leads, known=self.known, jobs=jobs)
 

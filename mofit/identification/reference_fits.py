@@ -40,7 +40,7 @@ def fit_references(
     """
     timer = StageTimer()
     groups: dict[str, xr.Dataset] = {}
-    if enough_alone(located.searched):
+    if located.searched.simulator.free and enough_alone(located.searched):
         with timer.measure("per_frequency"):
             searched, fits = _each_alone(located)
             groups = {"/per_frequency": per_frequency(searched, fits)}

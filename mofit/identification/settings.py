@@ -158,6 +158,6 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
 
 
 def _with_one_shared(space: ParameterSpace) -> ParameterSpace:
-    if all(p.per != PER_CAMPAIGN for p in space.parameters):
+    if all(p.per != PER_CAMPAIGN and not p.pooled for p in space.parameters):
         raise InputError.of("--per-test", "no parameter is left that the tests share", "Leave one to the campaign")
     return space

@@ -15,7 +15,17 @@ from mofit._typing import FloatArray
 from mofit.quantities import title_of
 from mofit.report.run import Run
 from mofit.report.toolkit.axes import few_ticks
-from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, parameter_column, words
+from mofit.report.toolkit.blocks import (
+    Block,
+    Column,
+    Figure,
+    Section,
+    Table,
+    Text,
+    parameter_column,
+    unit_column,
+    words,
+)
 from mofit.report.toolkit.figures import MEASURED, Panels, band_key, dot_key, line_key, mode_colour
 from mofit.report.toolkit.formatting import (
     Unit,
@@ -100,6 +110,7 @@ def laws_section(run: Run) -> Section | None:
         _choice(found),
     ]
     blocks += [_figure(curves)] if curves else []
+    blocks += [_populations(found)] if "populations" in found else []
     blocks.append(_alone(found))
     return Section("laws", "Parameters over conditions", blocks, {"laws": found["laws"]})
 
@@ -169,6 +180,27 @@ def _draw(curve: Curve, axes: Axes) -> None:
 def _units(curve: Curve) -> tuple[Unit, Unit]:
     unit = curve.units[1]
     return display_unit(curve.units[0], curve.at), Unit(unit, 1.0)
+
+
+def _populations(found: dict[str, Any]) -> Table:
+    rows = list(found["populations"].values())
+    far: dict[str, list[str]] = {}
+    for one in found["outliers"]:
+        far.setdefault(one["parameter"], []).append(one["specimen"])
+    return Table(
+        [
+            parameter_column(found["populations"]),
+            Column("Mean", [number(one["mean"], 4) for one in rows]),
+            Column("Mean, 5–95 %", [f"{number(one['mean_low'], 4)} … {number(one['mean_high'], 4)}" for one in rows]),
+            Column("Spread", [number(one["spread"]) for one in rows]),
+            Column("Spread, 5–95 %", [f"{number(one['spread_low'])} … {number(one['spread_high'])}" for one in rows]),
+            unit_column(one["unit"] for one in rows),
+            words("Spread of", ["logarithm" if one["of_logarithm"] else "value" for one in rows]),
+            words("Stands out", [", ".join(far.get(name, ["–"])) for name in found["populations"]]),
+        ],
+        "The specimens as a normal population, from the estimates of each alone. A specimen stands out where the "
+        "others predict its value with a probability below 1 %, all comparisons together.",
+    )
 
 
 def _alone(found: dict[str, Any]) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -18,7 +19,9 @@ def laws_summary(tree: xr.DataTree) -> dict[str, Any] | None:
         ``conditions``; ``chi_square`` and ``freedom`` of the estimates of the combinations about the laws;
         ``laws``, a list of ``parameter``, ``condition``, ``law``, ``centre``, ``half_range``, ``unit`` (of the
         condition) and ``log_evidence`` of what it was chosen from, relative to it; ``combinations``, a list of
-        ``conditions`` and ``parameters``, by name with ``value``, ``sd``, ``law_low``, ``law`` and ``law_high``.
+        ``conditions`` and ``parameters``, by name with ``value``, ``sd``, ``law_low``, ``law`` and ``law_high``. Of
+        specimens also ``populations``, by parameter with ``mean``, ``spread`` and their 5 and 95 % quantiles, and
+        ``outliers``, a list of ``specimen``, ``parameter``, ``z`` and ``p_value``.
     """
     if "laws" not in tree.children:
         return None
@@ -48,7 +51,24 @@ def laws_summary(tree: xr.DataTree) -> dict[str, Any] | None:
         "freedom": int(node.attrs["freedom"]),
         "laws": rows,
         "combinations": _combinations(tree),
+        **_populations(tree),
     }
+
+
+def _populations(tree: xr.DataTree) -> dict[str, Any]:
+    if "populations" not in tree["laws"].children:
+        return {}
+    node = tree["laws/populations"].to_dataset(inherit=False)
+    keys = ("mean", "mean_low", "mean_high", "spread", "spread_low", "spread_high")
+    rows = {
+        str(name): {
+            **{key: _number(node[key].sel(parameter=name)) for key in keys},
+            "unit": str(node["unit"].sel(parameter=name).item()),
+            "of_logarithm": bool(node["of_logarithm"].sel(parameter=name)),
+        }
+        for name in node["parameter"].values
+    }
+    return {"populations": rows, "outliers": json.loads(node.attrs["outliers"])}
 
 
 def _combinations(tree: xr.DataTree) -> list[dict[str, Any]]:

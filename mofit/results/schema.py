@@ -217,6 +217,18 @@ _CURVE = Group(
     },
     ("title",),
 )
+_POPULATIONS = Group(
+    {
+        "mean": Variable("parameter", OWN_UNIT, "mean over the specimens"),
+        "mean_low": Variable("parameter", OWN_UNIT, "5 % quantile of the mean"),
+        "mean_high": Variable("parameter", OWN_UNIT, "95 % quantile of the mean"),
+        "spread": Variable("parameter", OWN_UNIT, "standard deviation over the specimens; 1 of a logarithm"),
+        "spread_low": Variable("parameter", OWN_UNIT, "5 % quantile of the spread"),
+        "spread_high": Variable("parameter", OWN_UNIT, "95 % quantile of the spread"),
+        "of_logarithm": Variable("parameter", "1", "1 where the spread is that of the logarithm"),
+    },
+    ("specimens", "outliers"),
+)
 #: every group by its path; ``*`` is the name of a mode, of a calibration stage or of a predicted test
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
@@ -230,6 +242,7 @@ GROUPS: Mapping[str, Group] = {
     "/calibration/*": _CALIBRATION,
     "/laws": _LAWS,
     "/laws/cells": _CELLS,
+    "/laws/populations": _POPULATIONS,
     "/laws/curves/*/*": _CURVE,
     "/modes": Group(required=True),
     "/modes/*": _MODE,

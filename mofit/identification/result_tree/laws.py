@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 import xarray as xr
 
 from mofit._typing import FloatArray
+from mofit.data.join import specimen_name
 from mofit.identification.law_study import LawStudy
 from mofit.identification.result import IdentificationResult, PosteriorMode
 from mofit.models import values_under
@@ -31,6 +34,7 @@ def law_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         "/laws": _choice(study),
         "/laws/cells": _cells(study, known, draws),
         **_curves(study, known, draws),
+        **_populations(study, outcome),
     }
 
 
@@ -72,7 +76,7 @@ def _cells(study: LawStudy, known: Mapping[str, Parameter], draws: Mapping[str, 
     names = [one.name for one in cells.parameters]
     bands = np.full((3, len(cells.at), len(names)), np.nan)
     for k, name in enumerate(names):
-        if name not in study.fit.free:
+        if name in draws:
             for g, at in enumerate(cells.at):
                 bands[:, g, k] = _band(known[name], study, draws, dict(zip(cells.conditions, at, strict=True)))
     found = group_dataset(
@@ -109,6 +113,33 @@ def _curves(study: LawStudy, known: Mapping[str, Parameter], draws: Mapping[str,
         names = {"at": title_of(law.condition)}
         found[path] = group_dataset(path, values, {}, {"title": law.title}, units=units, long_names=names)
     return found
+
+
+def _populations(study: LawStudy, outcome: IdentificationResult) -> dict[str, xr.Dataset]:
+    """Mean and spread of every parameter over specimens, and the specimens that stand out."""
+    if not study.populations:
+        return {}
+    known = {one.name: one for one in study.cells.parameters}
+    rows = study.populations
+    names = [specimen_name(outcome.campaign, float(at[0])) for at in study.cells.at]
+    found = group_dataset(
+        "/laws/populations",
+        {
+            "mean": [one.mean for one in rows],
+            "mean_low": [one.mean_band[0] for one in rows],
+            "mean_high": [one.mean_band[1] for one in rows],
+            "spread": [one.spread for one in rows],
+            "spread_low": [one.spread_band[0] for one in rows],
+            "spread_high": [one.spread_band[1] for one in rows],
+            "of_logarithm": np.array([known[one.parameter].scale == "log" for one in rows], dtype=np.int8),
+        },
+        parameter_axis([one.parameter for one in rows], [known[one.parameter].unit for one in rows]),
+        {
+            "specimens": json.dumps(names),
+            "outliers": json.dumps([{**asdict(one), "specimen": names[one.specimen]} for one in study.outliers]),
+        },
+    )
+    return {"/laws/populations": found}
 
 
 def _band(
