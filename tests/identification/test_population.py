@@ -52,10 +52,10 @@ def drawn(seed: int, count: int, spread: float, sd: float = 0.5) -> CellEstimate
 
 def test_mean_and_spread_lie_in_their_intervals():
     inside = []
-    for seed in range(100):
+    for seed in range(60):
         (one,) = populations(drawn(seed, 30, spread=1.0))
         inside.append((one.mean_band[0] < 3 < one.mean_band[1], one.spread_band[0] < 1.0 < one.spread_band[1]))
-    assert np.all(np.abs(np.mean(inside, axis=0) - 0.9) < 0.09)  # three standard errors
+    assert np.all(np.abs(np.mean(inside, axis=0) - 0.9) < 0.116)  # three standard errors
 
 
 def test_the_evidence_tells_a_spread_from_none():
@@ -66,8 +66,8 @@ def test_the_evidence_tells_a_spread_from_none():
 
 def test_a_specimen_is_named_by_mistake_in_one_fleet_of_a_hundred():
     for spread in (0.0, 1.0):
-        named = [bool(outliers(drawn(seed, 8, spread))) for seed in range(600)]
-        assert np.mean(named) < 0.01 + 3 * np.sqrt(0.01 / 600)
+        named = [bool(outliers(drawn(seed, 8, spread))) for seed in range(200)]
+        assert np.mean(named) < 0.01 + 3 * np.sqrt(0.01 / 200)
 
 
 @pytest.fixture(scope="module")
