@@ -113,8 +113,7 @@ def _diagnosed(
     model, settings = with_laws_of_conditions(campaign, model, settings, tests, progress)
     records = whole.select(hold_out) if hold_out else None
     selected = campaign.select(tests)
-    named, left_out = choose_effects(model, selected, effects)
-    scales = data_scales(model, selected)
+    (named, left_out), scales = choose_effects(model, selected, effects), data_scales(model, selected)
     chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
     settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")

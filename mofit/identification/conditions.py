@@ -162,9 +162,11 @@ def law_candidates(
         for k, condition in enumerate(settings.over):
             values = np.unique(at[:, k])
             said = settings.laws.get(f"{one.name}@{condition}", settings.laws.get(one.name, ""))
-            forms = tuple(form.strip() for form in said.split(",")) if said else CHOICES
-            found[one.name, condition] = tuple(form for form in forms if said or _determined(form, values, at))
-            issues += [issue for form in forms if said for issue in _unsuitable(one, condition, form, values, campaign)]
+            choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
+            found[one.name, condition] = tuple(form for form in choices if said or _determined(form, values, at))
+            issues += [
+                issue for form in choices if said for issue in _unsuitable(one, condition, form, values, campaign)
+            ]
     raise_errors(dict.fromkeys(issues))
     return found
 

@@ -131,7 +131,7 @@ def identify(
         found = partial(_write_unrefined, known)
         located = locate_minima(
             campaign, model, settings, chosen, timer=timer, progress=progress, searched=found, until=refined_until,
-            start=study and study.fit.values,
+            start=study.fit.values if study else None,
         )  # fmt: skip
         keep_for_predictions(located.problem, len(left) and len(left) + len(chosen))
         references = partial(fit_references, located, model, campaign, settings)

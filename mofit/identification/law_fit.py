@@ -65,7 +65,7 @@ class CellEstimates:
     @cached_property
     def precision(self) -> FloatArray:
         """(G, P, P)."""
-        return np.linalg.inv(self.covariance)
+        return np.asarray(np.linalg.inv(self.covariance), dtype=float)
 
     @cached_property
     def sd(self) -> FloatArray:
@@ -115,7 +115,8 @@ def fit_laws(cells: CellEstimates, forms: Assignment, start: Mapping[str, float]
     kept = [k for k, column in enumerate(columns) if not column.free]
     given = [k for k, column in enumerate(columns) if column.free]
     lawful = [columns[k] for k in kept]
-    precision = np.linalg.inv(cells.covariance[:, kept][:, :, kept]) if given else cells.precision
+    inverse = np.linalg.inv(cells.covariance[:, kept][:, :, kept]) if given else cells.precision
+    precision = np.asarray(inverse, dtype=float)
     if not lawful:
         return LawFit(dict(forms), (), {}, 0.0, 0, -_volume(cells, columns, given))
     beta, hessian, value = _minimised(cells.z[:, kept], precision, lawful)

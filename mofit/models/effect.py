@@ -46,10 +46,8 @@ class Effect(ABC):
         where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
-    of_rig
-        Whether the rig or the measuring chain adds it; else the model lacks it.
-    part_of_name
-        Whether name and title of the extended model name it.
+    of_rig, part_of_name
+        Whether the rig or the measuring chain adds it, else the model lacks it; whether the extended model is named after it.
     """
 
     name: str
@@ -179,9 +177,8 @@ class ExtendedModel(Model):
         own = [effect for effect, _ in self.effects]
         named = [effect for effect in own if effect.part_of_name]
         self.name = "+".join([base.name, *(effect.name for effect in named)])
-        self.title = base.title or base.name
-        if named:
-            self.title += f" with {', '.join(effect.title or effect.name for effect in named)}"
+        with_these = f" with {', '.join(effect.title or effect.name for effect in named)}" if named else ""
+        self.title = (base.title or base.name) + with_these
         units = [_units_of(base, target) for _, target in self.effects]
         self.parameters = base.parameters + _with_units([effect.parameters for effect in own], units)
         self.states = base.states + _with_units([effect.states for effect in own], units)

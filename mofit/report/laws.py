@@ -65,12 +65,13 @@ class Curve:
 
 def extract_curves(tree: xr.DataTree) -> list[Curve]:
     """The curve of every law."""
-    if "curves" not in tree["laws"].children:
+    node = tree.children["laws"]
+    if "curves" not in node.children:
         return []
-    cells = tree["laws/cells"].to_dataset(inherit=False)
+    cells = node.children["cells"].to_dataset(inherit=False)
     found = []
-    for parameter, node in tree["laws/curves"].children.items():
-        for condition, child in node.children.items():
+    for parameter, over in node.children["curves"].children.items():
+        for condition, child in over.children.items():
             own = child.to_dataset(inherit=False)
             values, at = cells.sel(parameter=parameter), np.asarray(cells[condition].values, dtype=float)
             here = np.interp(at, own["at"].values, own["median"].values)

@@ -25,7 +25,7 @@ def laws_summary(tree: xr.DataTree) -> dict[str, Any] | None:
     """
     if "laws" not in tree.children:
         return None
-    node = tree["laws"].to_dataset(inherit=False)
+    node = tree.children["laws"].to_dataset(inherit=False)
     rows = []
     for label in node["law"].values:
         own = node.sel(law=label)
@@ -56,9 +56,9 @@ def laws_summary(tree: xr.DataTree) -> dict[str, Any] | None:
 
 
 def _populations(tree: xr.DataTree) -> dict[str, Any]:
-    if "populations" not in tree["laws"].children:
+    if "populations" not in tree.children["laws"].children:
         return {}
-    node = tree["laws/populations"].to_dataset(inherit=False)
+    node = tree.children["laws"].children["populations"].to_dataset(inherit=False)
     keys = ("mean", "mean_low", "mean_high", "spread", "spread_low", "spread_high")
     rows = {
         str(name): {
@@ -72,8 +72,8 @@ def _populations(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def _combinations(tree: xr.DataTree) -> list[dict[str, Any]]:
-    cells = tree["laws/cells"].to_dataset(inherit=False)
-    names = str(tree["laws"].attrs["conditions"]).split(",")
+    cells = tree.children["laws"].children["cells"].to_dataset(inherit=False)
+    names = str(tree.children["laws"].attrs["conditions"]).split(",")
     found = []
     for cell in cells["cell"].values:
         own = cells.sel(cell=cell)

@@ -114,7 +114,7 @@ def test_one_fit_is_narrower_than_those_of_the_combinations(tree):
 def test_the_report_shows_the_laws(run):
     page = (run / "report.html").read_text(encoding="utf-8")
     assert "Parameters over conditions" in page
-    assert "c linear in vertical force" in page
+    assert "The 9 estimates to spare scatter about them" in page
 
 
 def test_laws_are_printed_as_json(tree, run):
@@ -124,6 +124,7 @@ def test_laws_are_printed_as_json(tree, run):
     assert found["freedom"] == 15 - 6
 
 
+@pytest.mark.slow
 def test_what_follows_no_law_has_a_value_per_load(files, tmp_path):
     whole = joined([read_campaign(file) for file in files[::2]], [file.stem for file in files[::2]])
     settings = Settings(
@@ -156,3 +157,11 @@ def test_what_cannot_be_used_is_refused(files, options, message, tmp_path, capsy
     assert main(["identify", *given, "--out", str(tmp_path / "run")]) == 2
     assert message in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_with_laws_finds_no_gap(files, tmp_path):
+    given = [*map(str, files[::2]), "--model", "kelvin_voigt_damper", "--over", "vertical_force", "--effects", "delay"]
+    assert main(["diagnose", *given, "--jobs", "1", "--out", str(tmp_path / "page")]) == 0
+    found = json.loads((tmp_path / "page" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found["verdict"] == "none"

@@ -88,6 +88,7 @@ def test_a_fleet_gives_a_population_and_the_specimen_that_stands_out(run):
     assert "Stands out" in (folder / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_all_parameters_may_differ_between_specimens(tmp_path):
     settings = Settings(over=("specimen",), laws={"k": "pooled", "b": "pooled"}, sample=False, jobs=1)
     _, tree = identify(fleet(STIFFNESSES[:5]), Line(), settings, out=tmp_path / "run")
