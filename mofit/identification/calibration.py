@@ -129,9 +129,9 @@ def _fit_stage(stage: Stage, problem: Problem, seed: int, start: Mapping[str, fl
 
     scattered = qmc.Sobol(len(problem.space), rng=seed).random(STARTS)
     space = problem.space
-    given = [space.nominal, *([[start.get(one.name, one.nominal) for one in space.parameters]] if start else [])]
-    known = space.to_unit(np.clip(given, space.lower, space.upper))
-    starts = np.concatenate([known, scattered])
+    given = np.array([start.get(one.name, one.nominal) for one in space.parameters])
+    known = np.stack([space.nominal, np.clip(given, space.lower, space.upper)][: 2 if start else 1])
+    starts = np.concatenate([space.to_unit(known), scattered])
     with explained(problem):
         minima = merge(refine(problem.evaluate, starts))
         if not minima:

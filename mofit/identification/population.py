@@ -128,7 +128,8 @@ def choose_populations(
     """
     (condition,) = cells.conditions
     found = {one.parameter: one for one in populations(cells)}
-    evidence, forms, values = {}, {}, {}
+    evidence, forms = {}, {}
+    values: dict[str, float] = {}
     for one in cells.parameters:
         gain = found[one.name].log_evidence
         form = said.get(one.name) or (POOLED if gain > 0 else CONSTANT)

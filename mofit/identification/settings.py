@@ -98,7 +98,7 @@ class Settings:
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
         found = {key: value for key, value in asdict(self).items() if key not in WITHOUT_EFFECT}
-        left_out = {"simulations": None, "over": (), "laws": {}}
+        left_out: dict[str, object] = {"simulations": None, "over": (), "laws": {}}
         return {key: value for key, value in found.items() if key not in left_out or value != left_out[key]}
 
     def __post_init__(self) -> None:

@@ -47,7 +47,7 @@ class Effect(ABC):
     candidate
         False for an effect that a diagnosis tries only when it is named.
     of_rig, part_of_name
-        Whether the rig or the measuring chain adds it, else the model lacks it; whether the extended model is named after it.
+        Whether the rig or the measuring chain adds it, else the model lacks it; whether the extended model names it.
     """
 
     name: str

@@ -145,11 +145,7 @@ def recovered(seed: int) -> dict[str, Any]:
     }
     return {
         "wrong": [f"{name} over {q}: {study.fit.forms[name, q]}" for name, q in LAWS if (name, q) not in right],
-        "held": {
-            n: bool(abs(v - TRUTH[n]) <= SIGMAS * s)
-            for n, v, s in zip(space.names, values, sd, strict=True)
-            if n in TRUTH
-        },
+        "z": {n: float((v - TRUTH[n]) / s) for n, v, s in zip(space.names, values, sd, strict=True) if n in TRUTH},
         "left": {name: bool(low <= true_values(*LEFT_OUT)[name] <= high) for name, (low, high) in left.items()},
         "ratio": {name: float(np.median(own)) for name, own in ratios.items()},
         "seconds": time.process_time() - began,
@@ -196,7 +192,7 @@ def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 def page(rows: Sequence[dict[str, Any]], costs: dict[int, dict[str, Any]], mr: dict[str, Any] | None) -> list[str]:
     """The tables."""
-    held = [one for row in rows for one in row["held"].values()]
+    held = [abs(one) <= SIGMAS for row in rows for one in row["z"].values()]
     left = [one for row in rows for one in row["left"].values()]
     right = len(LAWS) * len(rows) - sum(len(row["wrong"]) for row in rows)
     names = ("c", "d", "c_M", "d_M", "F_0")
