@@ -151,8 +151,11 @@ def identify(
             left_out = shortages(located.problem, list(groups))
             keep_for_predictions(located.problem, 0)
             result = IdentificationResult(
-                **{**vars(located), "warnings": (*located.warnings, *unconverged, *left_out)},
-                findings=(*_findings(located, modes, settings), *of_laws(study, whole)),
+                **{
+                    **vars(located),
+                    "warnings": (*located.warnings, *unconverged, *left_out),
+                    "findings": (*located.findings, *_findings(located, modes, settings), *of_laws(study, whole)),
+                },
                 campaign=whole,
                 configuration=configuration,
                 modes=modes,
