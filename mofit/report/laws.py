@@ -111,6 +111,8 @@ def laws_section(run: Run) -> Section | None:
         _choice(found),
     ]
     blocks += [_figure(curves)] if curves else []
+    maps = run.tree.children["laws"].children.get("maps")
+    blocks += [_maps(maps)] if maps is not None else []
     blocks += [_populations(found)] if "populations" in found else []
     blocks.append(_alone(found))
     return Section("laws", "Parameters over conditions", blocks, {"laws": found["laws"]})
@@ -176,6 +178,25 @@ def _draw(curve: Curve, axes: Axes) -> None:
     axes.set_xlabel(x.label(title_of(curve.condition)))
     axes.set_ylabel(parameter_label(curve.parameter, y.name))
     few_ticks(axes)
+
+
+def _maps(node: xr.DataTree) -> Figure:
+    panels = Panels(len(node.children), 3, 2.0, margin=(0.85, 0.5, 0.15), gap=(0.95, 0.95))
+    for axes, (name, child) in zip(panels.axes, node.children.items(), strict=True):
+        own = child.to_dataset(inherit=False)
+        x, y, median = (np.asarray(own[key].values, dtype=float) for key in ("x", "y", "median"))
+        units = [display_unit(str(own[key].attrs["units"]), values) for key, values in (("x", x), ("y", y))]
+        half = (own["high"].values - own["low"].values) / 2
+        lines = axes.contour(units[0].factor * x, units[1].factor * y, median, levels=6, colors=mode_colour(0))
+        axes.clabel(lines, fmt=lambda value: number(value, 3), fontsize=7)
+        axes.set_title(f"{name}: band ±{number(float(half.min()), 2)} to {number(float(half.max()), 2)}")
+        for set_label, unit, key in ((axes.set_xlabel, units[0], "x"), (axes.set_ylabel, units[1], "y")):
+            set_label(unit.label(title_of(str(child.attrs[key]))))
+        few_ticks(axes)
+    return panels.figure(
+        "Contours of every parameter over two conditions",
+        "Median of the parameter (SI units) over two conditions; the title says how wide its 5–95 % band is.",
+    )
 
 
 def _units(curve: Curve) -> tuple[Unit, Unit]:

@@ -217,6 +217,16 @@ _CURVE = Group(
     },
     ("title",),
 )
+_MAP = Group(
+    {
+        "x": Variable("column", "", ""),
+        "y": Variable("row", "", ""),
+        "low": Variable("row column", "", "5 % quantile"),
+        "median": Variable("row column", "", "median"),
+        "high": Variable("row column", "", "95 % quantile"),
+    },
+    ("x", "y"),
+)
 _POPULATIONS = Group(
     {
         "mean": Variable("parameter", OWN_UNIT, "mean over the specimens"),
@@ -244,6 +254,7 @@ GROUPS: Mapping[str, Group] = {
     "/laws/cells": _CELLS,
     "/laws/populations": _POPULATIONS,
     "/laws/curves/*/*": _CURVE,
+    "/laws/maps/*": _MAP,
     "/modes": Group(required=True),
     "/modes/*": _MODE,
     "/modes/*/scoped": _SCOPED,
@@ -265,6 +276,8 @@ def group_at(path: str) -> tuple[Group, str]:
         return RECORD, parts[2]
     if parts[:2] == ["laws", "curves"] and len(parts) == 4:
         return _CURVE, parts[2]
+    if parts[:2] == ["laws", "maps"] and len(parts) == 3:
+        return _MAP, parts[2]
     name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
     key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
     return GROUPS.get(key, Group()), name

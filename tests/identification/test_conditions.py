@@ -104,6 +104,13 @@ def test_the_curves_hold_the_truth(tree):
     assert np.all(curve["low"].values < curve["high"].values)
 
 
+def test_the_map_over_two_conditions_holds_the_truth(tree):
+    own = tree["laws/maps/c"].to_dataset(inherit=False)
+    truth = [[stiffness(load, temperature) for load in own["x"].values] for temperature in own["y"].values]
+    assert own["median"].values == pytest.approx(np.array(truth), rel=0.01)
+    assert "d" not in tree["laws/maps"].children
+
+
 def test_one_fit_is_narrower_than_those_of_the_combinations(tree):
     cells = tree["laws/cells"].to_dataset(inherit=False)
     alone = cells["sd"].sel(parameter="c").values

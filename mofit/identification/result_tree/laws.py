@@ -19,8 +19,8 @@ from mofit.quantities import title_of
 from mofit.results import axis, group_dataset, parameter_axis, quantity
 from mofit.sampling import laplace_covariance
 
-#: Points of a curve, and draws of a mode that was not sampled.
-POINTS, DRAWS = 41, 2000
+#: Points of a curve and of each side of a map, and draws of a mode that was not sampled.
+POINTS, CELLS, DRAWS = 41, 15, 2000
 
 
 def law_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
@@ -34,6 +34,7 @@ def law_groups(outcome: IdentificationResult) -> dict[str, xr.Dataset]:
         "/laws": _choice(study),
         "/laws/cells": _cells(study, known, draws),
         **_curves(study, known, draws),
+        **_maps(study, known, draws),
         **_populations(study, outcome),
     }
 
@@ -112,6 +113,36 @@ def _curves(study: LawStudy, known: Mapping[str, Parameter], draws: Mapping[str,
         units = {"at": law.unit, "low": unit, "median": unit, "high": unit}
         names = {"at": title_of(law.condition)}
         found[path] = group_dataset(path, values, {}, {"title": law.title}, units=units, long_names=names)
+    return found
+
+
+def _maps(study: LawStudy, known: Mapping[str, Parameter], draws: Mapping[str, FloatArray]) -> dict[str, xr.Dataset]:
+    """Of every parameter with laws over two conditions or more, its map over the first two."""
+    found = {}
+    middle = {law.condition: law.centre for law in study.laws}
+    for name in dict.fromkeys(law.parameter for law in study.laws):
+        laws = [law for law in study.laws if law.parameter == name]
+        if len(laws) < 2:
+            continue
+        first, second = (np.linspace(q.centre - q.half_range, q.centre + q.half_range, CELLS) for q in laws[:2])
+        bands = np.array(
+            [
+                [
+                    _band(known[name], study, draws, {**middle, laws[0].condition: x, laws[1].condition: y})
+                    for x in first
+                ]
+                for y in second
+            ]
+        )
+        unit, path = known[name].unit, f"/laws/maps/{name}"
+        found[path] = group_dataset(
+            path,
+            {"x": first, "y": second, "low": bands[..., 0], "median": bands[..., 1], "high": bands[..., 2]},
+            {},
+            {"x": laws[0].condition, "y": laws[1].condition},
+            units={"x": laws[0].unit, "y": laws[1].unit, **dict.fromkeys(("low", "median", "high"), unit)},
+            long_names={"x": title_of(laws[0].condition), "y": title_of(laws[1].condition)},
+        )
     return found
 
 
