@@ -22,10 +22,10 @@ def choose_laws(cells: CellEstimates, candidates: Candidates) -> LawFit:
 
 def alternatives(cells: CellEstimates, best: LawFit, candidates: Candidates) -> dict[tuple[str, str], dict[str, float]]:
     """Log evidence of every candidate relative to that of the laws chosen, the other laws as chosen."""
+    reference = fit_laws(cells, best.forms, best.values).log_evidence
     return {
         key: {
-            form: fit_laws(cells, _changed(best.forms, key, form, candidates), best.values).log_evidence
-            - best.log_evidence
+            form: fit_laws(cells, _changed(best.forms, key, form, candidates), best.values).log_evidence - reference
             for form in choices
         }
         for key, choices in candidates.items()

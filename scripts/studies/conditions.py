@@ -171,7 +171,7 @@ def measured(data: Path, work: Path) -> dict[str, Any]:
     maps = [ROOT / "data" / "maps" / f"mr_damper_{key}.toml" for key in ("0A", "0x5A")]
     parts = [import_files([data / "mr_damper_sine"], one) for one in maps]
     campaign = joined(parts, ["0A", "0.5A"])
-    left = [name for name in campaign.tests if "10mm" in name]
+    left = [name for name in campaign.tests if name.endswith("1Hz") and "0.1Hz" not in name]  # 10 mm
     chosen = Settings(over=("current",), sample=False, jobs=1, seed=0, evaluations=1500)
     folder, tree = identify(campaign, "bouc_wen_damper", chosen, hold_out=left, out=work / "mr_damper")
     found = summary(tree, folder)
