@@ -16,6 +16,7 @@ from mofit.results.variables import (
     draws_dataset,
     group_dataset,
     parameter_axis,
+    predictive_places,
     quantity,
     signal_dataset,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "per_objective",
     "prediction_rows",
     "prediction_summary",
+    "predictive_places",
     "quantity",
     "signal_dataset",
     "simulations",

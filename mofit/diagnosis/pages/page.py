@@ -20,7 +20,17 @@ from mofit.diagnosis.shrinkage import in_percent
 from mofit.report import Page
 from mofit.report.toolkit.axes import axis_of_tests
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text, banner, cards, method_section, tabs
-from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.figures import (
+    BASELINE,
+    FLOOR,
+    MEASURED,
+    Panels,
+    band_key,
+    dot_key,
+    line_key,
+    mode_colour,
+    panel_of,
+)
 from mofit.report.toolkit.formatting import THIN, Unit, display_unit, number, percent
 from mofit.report.toolkit.page import draw_sections, write_json, write_page
 
@@ -157,7 +167,7 @@ def _loops(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
         axes.plot(values, measured, color=MEASURED, ls="none", marker=".", ms=3.2)
         axes.plot(values, before, color=BASELINE, ls="--", lw=1.2)
         axes.plot(values, after, color=mode_colour(0), lw=1.4)
-        axes.set_title(one["test"])
+        panel_of(axes, one["test"])
         axes.set_xlabel(x.label(one["input_name"]), labelpad=1)
     panels.label(y=unit.label(records[0]["output_name"]))
     return panels.figure(
@@ -175,7 +185,7 @@ def _residuals(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
         for key, colour in zip(("before", "after"), _COLOURS, strict=True):
             residual = np.asarray(one["measured"]) - np.asarray(one[key])
             axes.plot(np.asarray(one["time"]), unit.factor * residual, color=colour, lw=1.0)
-        axes.set_title(one["test"])
+        panel_of(axes, one["test"])
         axes.set_xlabel("time (s)", labelpad=1)
     panels.label(y=unit.label("residual"))
     return panels.figure(

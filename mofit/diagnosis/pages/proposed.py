@@ -9,7 +9,7 @@ import numpy as np
 
 from mofit.diagnosis.effect_file import EFFECT_FILE
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, words
-from mofit.report.toolkit.figures import Panels, band_key, line_key, mode_colour
+from mofit.report.toolkit.figures import Panels, band_key, line_key, mode_colour, panel_of
 from mofit.report.toolkit.formatting import compact, display_unit, interval, percent, unit_text
 
 #: Width of a 90 % interval in standard deviations.
@@ -74,7 +74,7 @@ def _curve(data: Mapping[str, Any]) -> Figure:
         if several:  # a loop has no inside that a band could fill
             for edge in (low, high):
                 axes.plot(x.factor * at, y.factor * edge, color=mode_colour(0), lw=0.6, alpha=0.5)
-            axes.set_title(one["test"])
+            panel_of(axes, one["test"])
         else:
             axes.fill_between(x.factor * at, y.factor * low, y.factor * high, color=mode_colour(0), alpha=0.25, lw=0)
         axes.set_xlabel(x.label(found["variable"].replace("_", " ")), labelpad=1)

@@ -35,6 +35,7 @@ _SHADES = 9
 """Colours that stand for a colour map."""
 _BAND_KEY = 6.0
 """Line width from which an entry of a legend is a band."""
+_BUNDLE = "bundle"
 
 
 def keyed(artist: Artist, **keys: Any) -> None:
@@ -42,9 +43,20 @@ def keyed(artist: Artist, **keys: Any) -> None:
     artist.set_gid(json.dumps(keys))
 
 
+def test_of(objective: str) -> str:
+    """The test of a pair ``test / output``, or the test itself; no test's name holds a ``/``."""
+    return objective.partition(" / ")[0]
+
+
+def bundled(lines: LineCollection) -> None:
+    """Say that the lines are a bundle, which a box across them thins out: parallel coordinates."""
+    lines.set_gid(_BUNDLE)
+
+
 def keys_of(artist: Artist) -> dict[str, Any]:
     """What an artist was said to belong to."""
-    return dict(json.loads(artist.get_gid() or "{}"))
+    gid = artist.get_gid() or ""
+    return dict(json.loads(gid)) if gid.startswith("{") else {}
 
 
 def described(axes: Axes, legend: Sequence[Line2D] = ()) -> dict[str, Any]:
@@ -83,7 +95,12 @@ def offers(described_figure: Mapping[str, Any]) -> dict[str, list[str]]:
     found: dict[str, dict[str, None]] = {}
     for panel in described_figure["panels"]:
         for row in filter(None, (panel, panel.get("lower"))):
-            for keys in (row["keys"], row["x"]["keys"], row["y"]["keys"], *(part.get("keys", {}) for part in row["parts"])):
+            for keys in (
+                row["keys"],
+                row["x"]["keys"],
+                row["y"]["keys"],
+                *(part.get("keys", {}) for part in row["parts"]),
+            ):
                 for kind, values in keys.items():
                     found.setdefault(kind, {}).update(dict.fromkeys([values] if isinstance(values, str) else values))
     return {kind: list(values) for kind, values in found.items()}
@@ -191,7 +208,8 @@ def _segments(found: LineCollection) -> Parts:
     colour = np.atleast_2d(found.get_edgecolor())
     middle = _hex(tuple(colour[len(colour) // 2])) if len(colour) else "#000000"
     width = float(np.atleast_1d(found.get_linewidth())[0])
-    return [_part("line", found, x=x, y=y, colour=middle, width=width, dash="solid", dots={})]
+    bundle = {"bundle": 1 + len(found.get_segments()[0])} if found.get_gid() == _BUNDLE else {}
+    return [_part("line", found, x=x, y=y, colour=middle, width=width, dash="solid", dots={}, **bundle)]
 
 
 def _cells(found: AxesImage | QuadMesh, x: ArrayLike | None = None, y: ArrayLike | None = None) -> dict[str, Any]:
@@ -201,12 +219,14 @@ def _cells(found: AxesImage | QuadMesh, x: ArrayLike | None = None, y: ArrayLike
     low, high = found.get_clim()
     shades = [[k / (_SHADES - 1), _hex(found.get_cmap()(k / (_SHADES - 1)))] for k in range(_SHADES)]
     x, y = (range(n) if edges is None else edges for edges, n in ((x, columns), (y, rows)))
-    return _part("cells", found, x=rounded(list(x)), y=rounded(list(y)), z=rounded(values), shades=shades, low=low, high=high)
+    return _part(
+        "cells", found, x=rounded(list(x)), y=rounded(list(y)), z=rounded(values), shades=shades, low=low, high=high
+    )
 
 
 def _patch(axes: Axes, patch: Any) -> Parts:
     if isinstance(patch, StepPatch):
-        values, edges, base = patch.get_data()
+        values, edges, _ = patch.get_data()
         colour = _hex(patch.get_facecolor() if patch.get_fill() else patch.get_edgecolor())
         x, y = np.repeat(edges, 2), np.concatenate([[0.0], np.repeat(values, 2), [0.0]])
         if patch.get_fill():
@@ -256,7 +276,9 @@ def _texts(axes: Axes, texts: Sequence[Any]) -> dict[str, Any]:
     x, y = axes.transData.inverted().transform(places).T
     written = [html_of_math(text.get_text()) for text in texts]
     bold = [f"<b>{text}</b>" if one.get_weight() == "bold" else text for one, text in zip(texts, written, strict=True)]
-    return _part("texts", None, name="", x=rounded(x), y=rounded(y), text=bold, colours=[_hex(t.get_color()) for t in texts])
+    return _part(
+        "texts", None, name="", x=rounded(x), y=rounded(y), text=bold, colours=[_hex(t.get_color()) for t in texts]
+    )
 
 
 def _axis(axis: Axis, limits: tuple[float, float]) -> dict[str, Any]:

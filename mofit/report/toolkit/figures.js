@@ -305,7 +305,7 @@ function hoverText(x, y, part) {
   return `${at(x, "x")}, ${at(y, "y")}<extra>${part.name}</extra>`;
 }
 function lineTrace(part, colour) {
-  const found = { x: part.x, y: part.y, type: "scatter", mode: part.dash ? "lines" : "markers", opacity: part.alpha,
+  const found = { x: part.x, y: part.y, type: "scatter", mode: part.dash ? "lines" : "markers", opacity: part.bundle ? 0.35 : part.alpha,
     line: { color: colour, width: Math.max(1, 1.15 * part.width), dash: part.dash || "solid" } };
   if (!part.dots.symbol) return found;
   const dots = Array.isArray(part.dots.colour) ? part.dots.colour : shade(part.dots.colour);

@@ -18,7 +18,7 @@ from matplotlib.text import Text
 from numpy.typing import ArrayLike
 
 from mofit.report.toolkit.blocks import Figure
-from mofit.report.toolkit.description import described, keyed, legend_entries, rounded
+from mofit.report.toolkit.description import described, keyed, legend_entries, rounded, test_of
 from mofit.report.toolkit.formatting import html_of_math, is_math
 
 MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#444444")
@@ -172,7 +172,9 @@ class Panels:
     def on_request(self, axes: Axes, name: str, x: ArrayLike, y: ArrayLike, colour: str, **keys: str) -> None:
         """A curve that only an explored figure shows, while its keys are chosen."""
         curve = {"kind": "line", "name": name, "x": rounded(x), "y": rounded(y), "colour": colour, "keys": keys}
-        self._on_request.append((axes, curve | {"width": 1.6, "dash": "solid", "alpha": 1.0, "dots": {}, "asked": True}))
+        self._on_request.append(
+            (axes, curve | {"width": 1.6, "dash": "solid", "alpha": 1.0, "dots": {}, "asked": True})
+        )
 
     def figure(
         self,
@@ -220,7 +222,7 @@ class Panels:
                 below = described(self.lower[k], self._legend) | {"height": self._heights[1]}
                 below["y"]["title"] = below["y"]["title"] or html_of_math(self._labels["lower"])
                 panel["lower"] = below
-        places = {axes: panel for axes, panel in zip(self.axes, panels, strict=True)}
+        places = dict(zip(self.axes, panels, strict=True))
         places |= {axes: panel["lower"] for axes, panel in zip(self.lower, panels, strict=False)}
         for axes, curve in self._on_request:
             places[axes]["parts"].append(curve)
@@ -230,7 +232,7 @@ class Panels:
 def panel_of(axes: Axes, test: str, title: str = "") -> None:
     """Title of a panel that belongs to one test: who chooses another does not see it."""
     axes.set_title(title or test)
-    keyed(axes, test=test)
+    keyed(axes, test=test_of(test))
 
 
 def as_written(owner: Artist) -> None:
