@@ -187,7 +187,7 @@ def _front_figure(front: Front) -> Figure:
         right = _draw_front(front.place[order][:, front.moved], places, names, panels.axes[1])
         right.set_ylim(-0.02, 1.02)
         right.set_ylabel("place in the prior box")
-        right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
+        right.set_yticks([0, 0.5, 1], ["lower", "", "upper"])
     best = number(100 * float(front.nrmsd.mean(axis=1).min()))
     return panels.figure(
         "Parallel coordinates of the non-dominated points",

@@ -24,6 +24,10 @@ const choices = {
     this.bar = bar;
     for (const [kind, values] of Object.entries(this.offers)) {
       if (values.length < 2) continue;
+      if (values.length === 2) {
+        bar.append(this.pair(kind, values));
+        continue;
+      }
       const label = document.createElement("label"), select = document.createElement("select");
       select.dataset.kind = kind;
       for (const value of ["", ...values]) select.add(new Option(value || "all", value));
@@ -35,7 +39,22 @@ const choices = {
     bar.hidden = !bar.children.length;
     this.swatches();
   },
+  // Two values: a switch.
+  pair(kind, values) {
+    const set = document.createElement("fieldset");
+    set.append(`${this.titles[kind] || kind} `);
+    for (const value of ["", ...values]) {
+      const label = document.createElement("label"), radio = document.createElement("input");
+      Object.assign(radio, { type: "radio", name: `choice-${kind}`, value, checked: !value });
+      radio.dataset.kind = kind;
+      radio.addEventListener("change", () => { this.now[kind] = undefined; this.choose(kind, value); });
+      label.append(radio, value || "both");
+      set.append(label);
+    }
+    return set;
+  },
   show() {
+    for (const radio of this.bar.querySelectorAll("input")) radio.checked = radio.value === (this.now[radio.dataset.kind] || "");
     for (const select of this.bar.querySelectorAll("select")) select.value = this.now[select.dataset.kind] || "";
     for (const row of document.querySelectorAll("tr[data-test]"))
       row.classList.toggle("chosen", row.dataset.test === this.now.test);

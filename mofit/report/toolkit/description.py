@@ -7,7 +7,6 @@ that test on the page sees its parts in all figures.
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -288,7 +287,7 @@ def _axis(axis: Axis, limits: tuple[float, float]) -> dict[str, Any]:
         ticks = {"values": [], "texts": []}
     elif not isinstance(locator, MaxNLocator | LogLocator):
         places = np.asarray(axis.get_majorticklocs(), dtype=float)
-        texts = [html_of_math(re.sub("\n", "<br>", text)) for text in axis.get_major_formatter().format_ticks(places)]
+        texts = [html_of_math(text).replace("\n", "<br>") for text in axis.get_major_formatter().format_ticks(places)]
         ticks = {"values": rounded(places), "texts": texts}
     return {
         "title": html_of_math(axis.get_label_text()),

@@ -29,6 +29,7 @@ function library() {
 class Explored {
   constructor(figure, spec) {
     this.spec = spec;
+    this.next = figure.nextElementSibling || figure;
     this.off = new Set(); // names that are switched off
     this.boxes = []; // of the brush
     this.plot = document.createElement("div");
@@ -122,7 +123,7 @@ class Explored {
       margin: { l: LEFT, r: RIGHT, t: TOP, b: BOTTOM, pad: 0 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", bargap: 0, barmode: "overlay",
       font: { family: style.fontFamily, size: 11.5, color: style.color },
-      hovermode: this.overTime() ? "x" : "closest", hoverdistance: 30,
+      hovermode: !this.spec.brush && this.overTime() ? "x" : "closest", hoverdistance: 30, separators: ".\u202f",
       dragmode: touch ? false : this.spec.brush ? "select" : "zoom",
       modebar: { bgcolor: "rgba(0,0,0,0)", color: NEUTRAL, activecolor: style.color }, uirevision: "",
       hoverlabel: { font: { size: 11.5 }, namelength: -1 },
@@ -148,7 +149,7 @@ class Explored {
     const n = this.layout.rows = (this.layout.rows || 0) + 1, id = n === 1 ? "" : n;
     const x = this.axis(panel.x, across), y = this.axis(row.y, up);
     const first = this.spec.panels[0], same = (a, b) => a.title === b.title;
-    Object.assign(x, { anchor: `y${id}`, showticklabels: !panel.lower || row !== panel });
+    Object.assign(x, { anchor: `y${id}`, automargin: Boolean(edge.last && panel.x.ticks), showticklabels: !panel.lower || row !== panel });
     Object.assign(y, { anchor: `x${id}`, automargin: edge.first });
     if (above || (panel.lower && row === panel) || (!edge.last && same(panel.x, first.x))) x.title.text = above && edge.last ? x.title.text : "";
     const like = row === panel ? first : first.lower;
@@ -171,7 +172,7 @@ class Explored {
     const found = {
       domain, type: axis.log ? "log" : "linear", range: axis.range.map(log), autorange: false, zeroline: false,
       title: { text: axis.title, standoff: 6 }, gridcolor: darkScheme.matches ? "#2c333a" : "#e3e8ed", linecolor: NEUTRAL,
-      showline: true, ticks: "outside", ticklen: 3, tickcolor: NEUTRAL, nticks: 6, tickfont: { size: 10.5 },
+      exponentformat: "none", separatethousands: true, showline: true, ticks: "outside", ticklen: 3, tickcolor: NEUTRAL, nticks: 6, tickfont: { size: 10.5 },
     };
     if (axis.ticks) Object.assign(found, { tickmode: "array", tickvals: axis.ticks.values, ticktext: this.coloured(axis) });
     return found;
@@ -281,6 +282,7 @@ class Explored {
         const k = axis.ticks.values.findIndex((value) => value === at);
         if (k >= 0 && choices.now[kind] !== values[k]) choices.choose(kind, values[k]);
       }
+    if (this.spec.opens) this.next.scrollIntoView({ behavior: "smooth", block: "center" });
   }
 
   key(event) {
