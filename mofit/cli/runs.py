@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json
+from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json, say
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -26,6 +26,60 @@ def report(run: FinishedRun, /, *, as_json: Json = False) -> int:
         print_json({"report": str(page)})
     else:
         print(page)
+    return DONE
+
+
+@app.command
+def runs(folder: Path = Path("runs"), /, *, as_json: Json = False) -> int:
+    """Write one page for a folder of runs: what was run, verdicts, errors beside the noise, runs side by side.
+
+    Example: mofit runs runs
+
+    Parameters
+    ----------
+    folder
+        Folder that holds the runs. By default runs.
+    """
+    from dataclasses import asdict
+
+    from mofit.cli.runs_shown import show_runs
+    from mofit.runtime.output_file import output_file
+    from mofit.workflows.runs import find_runs
+    from mofit.workflows.runs_page import PAGE, write_runs
+
+    entries = find_runs(folder)
+    with output_file(folder / PAGE, "folder", force=True):
+        page = write_runs(entries, folder)
+    if as_json:
+        print_json({"schema": "mofit.runs/1", "page": str(page), "runs": [asdict(entry) for entry in entries]})
+    else:
+        show_runs(entries, page)
+    return DONE
+
+
+@app.command(name="open")
+def open_page(run: Path, /, *, as_json: Json = False) -> int:
+    """Open the page of a run, or of a folder of runs, in the browser; without a browser, its path is printed.
+
+    Example: mofit open runs/my-campaign-maxwell_tyre
+
+    Parameters
+    ----------
+    run
+        Folder of a run, of a batch, or of runs.
+    """
+    import webbrowser
+
+    from mofit.workflows.runs import page_of
+
+    page = page_of(run)
+    opened = webbrowser.open(page.resolve().as_uri())
+    if as_json:
+        print_json({"schema": "mofit.open/1", "page": str(page), "opened": opened})
+    else:
+        print(page)
+    if not opened:
+        say("mofit: there is no browser here; open the file above in one.")
     return DONE
 
 
