@@ -7,6 +7,7 @@ from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
 from mofit.results.reading import findings, green, parameter_layout, summary
 from mofit.results.schema import SCHEMA
+from mofit.results.sentences import outcome_sentences
 from mofit.results.simulations import simulations, simulations_line
 from mofit.results.variables import (
     Computed,
@@ -39,6 +40,7 @@ __all__ = [
     "is_large",
     "objectives",
     "open_result",
+    "outcome_sentences",
     "parameter_axis",
     "parameter_layout",
     "parts_of_band",

@@ -3,7 +3,7 @@
 const choices = {
   now: {}, offers: {}, followers: [],
   titles: {
-    run: "Run", test: "Test", mode: "Mode", draw: "Posterior draw", firefly: "Firefly", model: "Model", lines: "Class of lines",
+    run: "Run", campaign: "Campaign", test: "Test", mode: "Mode", draw: "Posterior draw", firefly: "Firefly", model: "Model", lines: "Class of lines",
   },
   choose(kind, value) {
     this.now[kind] = this.now[kind] === value ? "" : value;
