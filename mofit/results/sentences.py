@@ -1,4 +1,4 @@
-"""What is said of a result before its numbers: the terminal and the page say it in the same words, in the same order."""
+"""What is said of a result before its numbers: terminal and page say it in the same words and order."""
 
 from __future__ import annotations
 

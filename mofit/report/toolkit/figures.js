@@ -35,6 +35,7 @@ class Explored {
     this.plot = document.createElement("div");
     this.plot.className = "plot";
     this.plot.tabIndex = 0;
+    this.plot.explored = this;
     this.plot.setAttribute("role", "group");
     const alt = figure.querySelector("img").alt;
     this.plot.setAttribute("aria-label", `${alt}. Arrow keys move, + and - zoom, 0 shows all.`);
