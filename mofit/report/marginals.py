@@ -135,7 +135,7 @@ def _log_ticks(low: float, high: float) -> FixedLocator | LogLocator:
     return FixedLocator([float(tick) for tick in ticks if low <= tick <= high])
 
 
-def _widest(marginals: list[Marginal]) -> Markup:
+def widest(marginals: list[Marginal]) -> Markup:
     """The parameter of which the 90 % interval fills most of the prior box."""
     shares = [high - low for low, high in (next(iter(marginal.place.values())) for marginal in marginals)]
     k = int(np.argmax(shares))
@@ -160,5 +160,5 @@ def marginals_figure(run: Run, marginals: list[Marginal]) -> Figure:
         good="narrow peaks that cover a small part of the strip.",
         bad="a flat shape over the whole strip (the data do not identify the parameter), or a peak that a bound "
         "truncates.",
-        finding=_widest(marginals),
+        finding=widest(marginals),
     )

@@ -148,7 +148,7 @@ def per_test_panels(run: Run, found: PerTest, best: str, others: str) -> Panels:
     return panels
 
 
-def _strays_most(found: PerTest) -> Markup:
+def farthest(found: PerTest) -> Markup:
     """The estimate of a single test that is farthest from the joint one, in its own standard deviations."""
     with np.errstate(divide="ignore", invalid="ignore"):
         away = np.abs(found.value[:, 0] - found.joint[:, 0]) / found.sd[:, 0]
@@ -172,7 +172,7 @@ def per_test_section(run: Run) -> Section | None:
         good="the points scatter around the line within their bars.",
         bad="the points drift with frequency beyond their bars: the parameter compensates for an effect that the "
         "model lacks.",
-        finding=_strays_most(found),
+        finding=farthest(found),
     )
     blocks: list[Block] = [
         Text(

@@ -87,6 +87,19 @@ def draw_band(one: Predicted, unit: Unit, axes: Axes, lower: Axes) -> None:
     few_ticks(lower, None, 2)
 
 
+def _inside(tests: Sequence[Predicted]) -> str:
+    """The share of measured samples within the light band, where it is smallest."""
+    shares = {
+        one.name: float(np.mean(((one.measured >= one.low) & (one.measured <= one.high))[np.isfinite(one.measured)]))
+        for one in tests
+        if np.isfinite(one.measured).any()
+    }
+    if not shares:
+        return "Nothing was measured here to compare with."
+    worst = min(shares, key=lambda name: shares[name])
+    return f"Fewest measured samples lie in the 90 % band in {worst}: {percent(shares[worst])}."
+
+
 def _figure(tests: Sequence[Predicted], output: str) -> Figure:
     shown = tests[:_MOST]
     unit = display_unit(shown[0].unit, np.concatenate([one.median for one in shown]))
@@ -108,6 +121,7 @@ def _figure(tests: Sequence[Predicted], output: str) -> Figure:
         good="nine of ten measured samples lie in the light band, evenly along the record.",
         bad="the measured output leaves the band for whole stretches: there the model misses something that the "
         "identified tests did not show.",
+        finding=_inside(shown),
     )
 
 

@@ -71,9 +71,8 @@ def test_axes_have_label_scale_limits_and_set_ticks() -> None:
     panels.axes[0].set_xlim(0.5, 5)
     panels.label("frequency (Hz)", "force (N)", "residual (N)")
     first, second = described(panels)["panels"]
-    assert first["x"] == {
-        "title": "frequency (Hz)", "log": True, "range": [0.5, 5], "ticks": {"values": [1, 3], "texts": ["1", "3"]}, "keys": {}
-    }  # fmt: skip
+    ticks = {"values": [1, 3], "texts": ["1", "3"]}
+    assert first["x"] == {"title": "frequency (Hz)", "log": True, "range": [0.5, 5], "ticks": ticks, "keys": {}}
     assert second["y"]["title"] == "force (N)"  # drawn once for the row, needed where the panel stands alone
     assert second["lower"]["y"]["title"] == "residual (N)"
     assert second["y"]["ticks"] is None

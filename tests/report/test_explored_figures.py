@@ -14,6 +14,14 @@ pytestmark = pytest.mark.browser
 TRACES, LOOPS, DRAWS = 1, 0, 3
 """Places of the figures in the section of the signals: loops, traces, spectra, draws."""
 
+ZOOMED = """width => {
+    const [low, high] = document.querySelectorAll('#signals .plot')[1].layout.xaxis.range;
+    return high - low < width / 2;
+}"""
+TITLES = """plot.explored.spec.panels.flatMap(panel => [panel.x, panel.y])
+    .filter(axis => !axis.ticks || !axis.ticks.texts.some(text => /[a-z]/i.test(text)))
+    .map(axis => axis.title)"""
+
 
 @pytest.fixture(scope="module")
 def browser():
@@ -48,8 +56,7 @@ def test_a_figure_is_hovered_zoomed_and_its_traces_toggled(browser, report) -> N
         page.mouse.down()
         page.mouse.move(x + 30, y, steps=3)
         page.mouse.up()
-        page.wait_for_function("width => { const [a, b] = document.querySelectorAll('#signals .plot')[1].layout.xaxis.range;"
-                               " return b - a < width / 2; }", arg=before[1] - before[0])  # fmt: skip
+        page.wait_for_function(ZOOMED, arg=before[1] - before[0])
         names = "plot.data.filter(trace => trace.name === 'measured').length"
         assert shown(figure, names) > 0
         figure.get_by_role("button", name="measured", exact=True).click()
@@ -162,7 +169,5 @@ def test_every_figure_says_what_it_shows_and_every_axis_its_unit(browser, report
         for section in ("errors", "signals", "search"):
             for k in range(page.locator(f"#{section} figure").count()):
                 figure = drawn(page, section, k)
-                texts = shown(figure, "plot.explored.spec.panels.flatMap(panel => [panel.x, panel.y])"
-                                      ".filter(axis => !axis.ticks || !axis.ticks.texts.some(text => /[a-z]/i.test(text)))"
-                                      ".map(axis => axis.title)")  # fmt: skip
+                texts = shown(figure, TITLES)
                 assert all(texts), (section, k)
