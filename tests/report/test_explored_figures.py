@@ -14,8 +14,8 @@ pytestmark = pytest.mark.browser
 TRACES, LOOPS, DRAWS = 1, 0, 3
 """Places of the figures in the section of the signals: loops, traces, spectra, draws."""
 
-ZOOMED = """width => {
-    const [low, high] = document.querySelectorAll('#signals .plot')[1].layout.xaxis.range;
+ZOOMED = """([plot, width]) => {
+    const [low, high] = plot.layout.xaxis.range;
     return high - low < width / 2;
 }"""
 TITLES = """plot.explored.spec.panels.flatMap(panel => [panel.x, panel.y])
@@ -51,12 +51,12 @@ def test_a_figure_is_hovered_zoomed_and_its_traces_toggled(browser, report) -> N
         area = figure.locator(".nsewdrag").first.bounding_box()
         x, y = area["x"] + area["width"] / 2, area["y"] + area["height"] / 2
         page.mouse.move(x, y)
-        page.wait_for_function("document.querySelector('#signals .hoverlayer text')")
+        figure.locator(".hoverlayer text").first.wait_for()
         before = shown(figure, "plot.layout.xaxis.range.map(Number)")
         page.mouse.down()
         page.mouse.move(x + 30, y, steps=3)
         page.mouse.up()
-        page.wait_for_function(ZOOMED, arg=before[1] - before[0])
+        page.wait_for_function(ZOOMED, arg=[figure.locator(".plot").element_handle(), before[1] - before[0]])
         names = "plot.data.filter(trace => trace.name === 'measured').length"
         assert shown(figure, names) > 0
         figure.get_by_role("button", name="measured", exact=True).click()
@@ -104,7 +104,7 @@ def test_a_draw_that_is_clicked_shows_its_signals(browser, report) -> None:
         draws.locator(".scatterlayer .points path").first.scroll_into_view_if_needed()
         dot = draws.locator(".scatterlayer .points path").first.bounding_box()
         page.mouse.move(dot["x"] + dot["width"] / 2, dot["y"] + dot["height"] / 2)
-        page.wait_for_function("document.querySelectorAll('#signals .plot')[3].querySelector('.hoverlayer text')")
+        draws.locator(".hoverlayer text").first.wait_for()
         page.mouse.down()
         page.mouse.up()
         page.wait_for_function("choices.now.draw")

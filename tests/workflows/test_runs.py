@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from mofit.workflows.runs_page import write_runs
 
 DIAGNOSIS = {
     "verdict": "effect", "sentence": "Friction causes the gap.", "campaign": "Rig", "model_title": "Damper",
-    "model_parameters": {"k": {"unit": "N/m", "before": 900.0, "after": 1000.0, "sd": 10.0, "at_bound": True}},
+    "model_parameters": {"c": {"unit": "N/m", "before": 900.0, "after": 1000.0, "sd": 10.0, "at_bound": True}},
     "nrmsd_after": {"a": 0.02, "b": 0.04}, "noise_floor": {"a": 0.01, "b": 0.01},
     "where": {"gap": 1.5, "unit": "N"}, "shrinkage": {"kinds": [{"share": 0.5}, {"share": 0.9}]}, "warnings": [],
 }  # fmt: skip
@@ -48,7 +49,7 @@ def test_all_runs_are_found(folder):
     found = entries["diagnosis"]
     assert (found.grade, found.verdict, found.gap, found.removed) == ("good", "Friction causes the gap.", 1.5, 0.9)
     assert mean(found.nrmsd) == pytest.approx(0.03)
-    assert (found.parameters["k"].value, found.parameters["k"].verdict) == (1000.0, "at a bound")
+    assert (found.parameters["c"].value, found.parameters["c"].verdict) == (1000.0, "at a bound")
     assert "result.nc" in entries["damaged"].verdict
     assert (entries["first"].page, entries["batch/second"].page) == ("first/report.html", "")
 
@@ -56,7 +57,7 @@ def test_all_runs_are_found(folder):
 def test_the_page_puts_two_runs_side_by_side(folder):
     page_file = write_runs(find_runs(folder), folder)
     assert page_file == folder / "runs.html"
-    values = {entry.name: entry.parameters["k"] for entry in find_runs(folder) if "k" in entry.parameters}
+    values = {entry.name: entry.parameters["c"] for entry in find_runs(folder) if "c" in entry.parameters}
     with chromium() as browser, opened(browser, page_file) as page:
         assert page.locator("#runs tbody tr").count() == 4
         assert page.locator('#runs a[href="first/report.html"]').count() == 1
@@ -65,7 +66,7 @@ def test_the_page_puts_two_runs_side_by_side(folder):
         second.select_option("first")
         heads = page.locator("#beside thead th:visible")
         assert sorted(heads.all_inner_texts()) == sorted(["Quantity", "Unit", "diagnosis", "first", "Apart"])
-        row = page.locator("#beside tbody tr").filter(has=page.locator("th i", has_text="k")).first
+        row = page.locator("#beside tbody tr").filter(has=page.locator("th", has_text=re.compile("^c$"))).first
         a, b = values["diagnosis"], values["first"]
         apart = (b.value - a.value) / (a.sd**2 + b.sd**2) ** 0.5
         assert float(row.locator("td").last.inner_text().split()[0].replace("−", "-")) == pytest.approx(apart, abs=0.06)

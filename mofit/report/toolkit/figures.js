@@ -112,6 +112,8 @@ class Explored {
         this.row(panel, panel.lower, span, [(end - high(panel.lower)) / tall, end / tall], edge, main);
       }
     });
+    // Plotly changes the layout that it is given
+    this.home = Object.fromEntries(Object.entries(this.layout).filter(([name]) => /^xaxis/.test(name)).map(([name, axis]) => [name, [...axis.range]]));
     return Plotly.react(this.plot, this.traces, this.layout, {
       displaylogo: false, displayModeBar: true, modeBarButtonsToRemove: ["autoScale2d", "lasso2d", ...(this.spec.brush ? [] : ["select2d"])],
     }).then(() => this.listen());
@@ -291,11 +293,11 @@ class Explored {
     if (step === undefined || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     const change = {};
-    for (const name of Object.keys(this.layout).filter((one) => /^xaxis/.test(one))) {
+    for (const [name, home] of Object.entries(this.home)) {
       const [low, high] = this.plot.layout[name].range.map(Number), middle = (low + high) / 2, half = (high - low) / 2;
       change[`${name}.range`] = step
         ? [middle + 2 * half * step[0] - half * step[1], middle + 2 * half * step[0] + half * step[1]]
-        : this.layout[name].range.slice();
+        : home.slice();
     }
     Plotly.relayout(this.plot, change);
   }
