@@ -45,12 +45,16 @@ def titles(figure) -> list[str]:
 
 
 def test_a_figure_is_hovered_zoomed_and_its_traces_toggled(browser, report) -> None:
-    with opened(browser, report) as page:
+    with opened(browser, report, viewport={"width": 1200, "height": 1400}) as page:
+        drawn(page, "errors")  # what is above first: it moves what is below
+        drawn(page, "signals", LOOPS)
         figure = drawn(page, "signals", TRACES)
         assert not figure.locator("img").is_visible()
-        area = figure.locator(".nsewdrag").first.bounding_box()
+        panel = figure.locator(".nsewdrag").first
+        panel.hover()
+        area = panel.bounding_box()
         x, y = area["x"] + area["width"] / 2, area["y"] + area["height"] / 2
-        page.mouse.move(x, y)
+        page.mouse.move(x + 2, y)
         figure.locator(".hoverlayer text").first.wait_for()
         before = shown(figure, "plot.layout.xaxis.range.map(Number)")
         page.mouse.down()
