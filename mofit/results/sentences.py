@@ -26,6 +26,8 @@ def outcome_sentences(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     summary
         What ``mofit identify --json`` prints; see `mofit.results.summary`.
     """
+    if not summary["modes"]:
+        return []
     entries = summary["modes"][0]["parameters"]
     sampled = any(entry["spread"] != "Laplace" for entry in entries.values())
     at_bound = [name for name, entry in entries.items() if entry["at_bound"]]

@@ -208,8 +208,8 @@ def _darkest(comparison: Comparison) -> Markup:
     for row in _drawn(comparison):
         size = np.sqrt(np.diag(row.covariance))
         scaled = np.tril(np.nan_to_num(row.covariance / np.outer(size, size)), -1)
-        i, j = np.unravel_index(np.argmax(np.abs(scaled)), scaled.shape)
-        found = max(found, (float(scaled[i, j]), row.experiment.name, int(i), int(j)), key=lambda one: abs(one[0]))
+        a, b = map(int, np.unravel_index(np.argmax(np.abs(scaled)), scaled.shape))
+        found = max(found, (float(scaled[a, b]), row.experiment.name, a, b), key=lambda one: abs(one[0]))
     value, name, i, j = found
     if not value:
         return Markup("No two parameters are correlated.")

@@ -24,6 +24,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from matplotlib.typing import ColorType
 from numpy.typing import ArrayLike
 
+from mofit._typing import FloatArray
 from mofit.report.toolkit.formatting import html_of_math
 
 Parts = list[dict[str, Any]]
@@ -178,7 +179,7 @@ def _collection(found: Any) -> Parts:
     if isinstance(found, PathCollection):
         found.update_scalarmappable()
         x, y = np.asarray(found.get_offsets(), dtype=float).T
-        colours = [_hex(tuple(colour)) for colour in found.get_facecolor()]
+        colours = [_hex(tuple(colour)) for colour in np.atleast_2d(np.asarray(found.get_facecolor()))]
         dots = {"symbol": "circle", "size": float(np.sqrt(found.get_sizes()[0])), "colour": colours}
         look = {"look": "dots", "colour": colours[0], "width": 0, "dash": ""}
         return [_part("line", found, x=rounded(x), y=rounded(y), **look, dots=dots)]
@@ -213,14 +214,12 @@ def _segments(found: LineCollection) -> Parts:
 
 def _cells(found: AxesImage | QuadMesh, x: ArrayLike | None = None, y: ArrayLike | None = None) -> dict[str, Any]:
     """Cells of a heat map, by their centres or edges."""
-    values = np.ma.filled(np.ma.asarray(found.get_array(), dtype=float), np.nan)
+    values: FloatArray = np.ma.filled(np.ma.asarray(found.get_array(), dtype=float), np.nan)
     rows, columns = values.shape[:2]
     low, high = found.get_clim()
     shades = [[k / (_SHADES - 1), _hex(found.get_cmap()(k / (_SHADES - 1)))] for k in range(_SHADES)]
-    x, y = (range(n) if edges is None else edges for edges, n in ((x, columns), (y, rows)))
-    return _part(
-        "cells", found, x=rounded(list(x)), y=rounded(list(y)), z=rounded(values), shades=shades, low=low, high=high
-    )
+    x, y = (np.arange(n) if edges is None else edges for edges, n in ((x, columns), (y, rows)))
+    return _part("cells", found, x=rounded(x), y=rounded(y), z=rounded(values), shades=shades, low=low, high=high)
 
 
 def _patch(axes: Axes, patch: Any) -> Parts:
@@ -282,12 +281,16 @@ def _texts(axes: Axes, texts: Sequence[Any]) -> dict[str, Any]:
 
 def _axis(axis: Axis, limits: tuple[float, float]) -> dict[str, Any]:
     """Label, scale, limits, and ticks where they are set."""
-    locator, ticks = axis.get_major_locator(), None
+    locator = axis.get_major_locator()
+    ticks: dict[str, Any] | None = None
     if isinstance(locator, NullLocator):
         ticks = {"values": [], "texts": []}
     elif not isinstance(locator, MaxNLocator | LogLocator):
         places = np.asarray(axis.get_majorticklocs(), dtype=float)
-        texts = [html_of_math(text).replace("\n", "<br>") for text in axis.get_major_formatter().format_ticks(places)]
+        texts = [
+            html_of_math(text).replace("\n", "<br>")
+            for text in axis.get_major_formatter().format_ticks(places.tolist())
+        ]
         ticks = {"values": rounded(places), "texts": texts}
     return {
         "title": html_of_math(axis.get_label_text()),
