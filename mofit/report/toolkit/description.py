@@ -15,7 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection, QuadMesh
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgba
 from matplotlib.container import BarContainer
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
@@ -231,13 +231,12 @@ def _patch(axes: Axes, patch: Any) -> Parts:
             return [_part("band", patch, x=rounded(x), y=rounded(y), colour=colour, alpha=patch.get_alpha() or 1.0)]
         width = float(patch.get_linewidth())
         return [_part("line", patch, x=rounded(x), y=rounded(y), colour=colour, width=width, dash="solid", dots={})]
-    if any(patch in container for container in axes.containers if isinstance(container, BarContainer)):
-        return []
-    if not isinstance(patch, Rectangle | Polygon):
+    in_bars = any(patch in container for container in axes.containers if isinstance(container, BarContainer))
+    if in_bars or not isinstance(patch, Rectangle | Polygon):
         return []
     corners = patch.get_path().vertices if isinstance(patch, Polygon) else patch.get_corners()
     inside = patch.get_transform().contains_branch_seperately(axes.transData)
-    look = {"look": "band", "colour": _hex(patch.get_facecolor()), "alpha": float(patch.get_facecolor()[3])}
+    look = {"look": "band", "colour": _hex(patch.get_facecolor()), "alpha": to_rgba(patch.get_facecolor())[3]}
     ends = [sorted({float(c) for c in np.asarray(corners)[:, k]}) for k in (0, 1)]
     if isinstance(patch, Rectangle) and not all(inside):
         bounds = patch.get_bbox()
@@ -260,7 +259,7 @@ def _bars(container: BarContainer) -> dict[str, Any]:
         name=_labelled(container),
         colour=colours[0] if colours else "",
         colours=colours,
-        alpha=float(first.get_facecolor()[3]) if first else 1.0,
+        alpha=to_rgba(first.get_facecolor())[3] if first else 1.0,
         flat=flat,
         at=rounded([(box.y0 + box.y1) / 2 if flat else (box.x0 + box.x1) / 2 for box in boxes]),
         length=rounded([box.width if flat else box.height for box in boxes]),
@@ -287,11 +286,8 @@ def _axis(axis: Axis, limits: tuple[float, float]) -> dict[str, Any]:
         ticks = {"values": [], "texts": []}
     elif not isinstance(locator, MaxNLocator | LogLocator):
         places = np.asarray(axis.get_majorticklocs(), dtype=float)
-        texts = [
-            html_of_math(text).replace("\n", "<br>")
-            for text in axis.get_major_formatter().format_ticks(places.tolist())
-        ]
-        ticks = {"values": rounded(places), "texts": texts}
+        texts = axis.get_major_formatter().format_ticks(places.tolist())
+        ticks = {"values": rounded(places), "texts": [html_of_math(text).replace("\n", "<br>") for text in texts]}
     return {
         "title": html_of_math(axis.get_label_text()),
         "log": axis.get_scale() == "log",
