@@ -49,8 +49,8 @@ def normalisation(x: Curve, y: Curve) -> tuple[ca.SX, ca.SX]:
     return factor, 2 - factor
 
 
-def combined_slip(s: Symbols, x: Curve, y: Curve) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX, ca.SX], Curve]:
-    r"""Normalised slip and transport velocity of both directions, and the curve over the generalised slip.
+def combined_slip(s: Symbols, x: Curve, y: Curve) -> tuple[tuple[ca.SX, ca.SX], tuple[ca.SX, ca.SX], ca.SX]:
+    r"""Normalised slip and transport velocity of both directions, and the secant slope over the generalised slip.
 
     With the slip ratio :math:`\kappa` and the wheel's circumferential velocity
     :math:`r_D |\Omega| = |v \cos\alpha \, (1 + \kappa)|`
@@ -63,8 +63,8 @@ def combined_slip(s: Symbols, x: Curve, y: Curve) -> tuple[tuple[ca.SX, ca.SX], 
         s_M &= \sqrt{(s_{Mx} / \hat s_x \cos\varphi)^2 + (s_{My} / \hat s_y \sin\varphi)^2} \\
         F_M &= \sqrt{(F_{Mx} \cos\varphi)^2 + (F_{My} \sin\varphi)^2}
 
-    Announces ``longitudinal_slip``, ``longitudinal_transport_velocity``, ``lateral_slip``, ``transport_velocity`` and
-    ``generalised_slip``.
+    Announces ``longitudinal_slip``, ``longitudinal_transport_velocity``, ``lateral_slip``, ``transport_velocity``,
+    ``generalised_slip`` and ``slip_stiffness``.
     """
     angle, speed, norms = s.slip_angle, s.longitudinal_velocity, normalisation(x, y)
     along = speed * ca.cos(angle)
@@ -73,7 +73,8 @@ def combined_slip(s: Symbols, x: Curve, y: Curve) -> tuple[tuple[ca.SX, ca.SX], 
     names = ("longitudinal_transport_velocity", "transport_velocity"), ("longitudinal_slip", "lateral_slip")
     transport = [s.quantity(n, turning * norm + s.fictitious_velocity) for n, norm in zip(names[0], norms, strict=True)]
     slips = [s.quantity(n, v / over) for n, v, over in zip(names[1], sliding, transport, strict=True)]
-    cosine2 = (slips[0] ** 2 + _NO_SLIP**2) / (slips[0] ** 2 + slips[1] ** 2 + 2 * _NO_SLIP**2)
+    square_x, square_y = (_square(v, over) for v, over in zip(sliding, transport, strict=True))
+    cosine2 = (square_x + _NO_SLIP**2) / (square_x + square_y + 2 * _NO_SLIP**2)
 
     def between(in_x: ca.SX, in_y: ca.SX) -> ca.SX:
         return ca.sqrt(in_x**2 * cosine2 + in_y**2 * (1 - cosine2))
@@ -81,12 +82,14 @@ def combined_slip(s: Symbols, x: Curve, y: Curve) -> tuple[tuple[ca.SX, ca.SX], 
     curve = Curve(
         between(x.dF0 * norms[0], y.dF0 * norms[1]), between(x.s_M / norms[0], y.s_M / norms[1]), between(x.F_M, y.F_M)
     )
-    return (slips[0], transport[0]), (slips[1], transport[1]), curve
+    size = s.quantity("generalised_slip", ca.sqrt(square_x + square_y + _NO_SLIP**2))
+    slope = s.quantity("slip_stiffness", slip_stiffness(curve, size))
+    return (slips[0], transport[0]), (slips[1], transport[1]), slope
 
 
-def slip_size(in_x: ca.SX, in_y: ca.SX) -> ca.SX:
-    """Generalised slip [1]; its slope is finite at zero."""
-    return ca.sqrt(in_x**2 + in_y**2 + _NO_SLIP**2)
+def _square(velocity: ca.SX, over: ca.SX) -> ca.SX:
+    """Square of a slip; its sign stays in it, so that no integration step crosses the kink at zero slip."""
+    return (velocity * ca.sign(velocity) / over) ** 2
 
 
 class MaxwellTyreCombined(Model):
@@ -141,9 +144,7 @@ class MaxwellTyreCombined(Model):
         stretch_y, stretch_x = y - s.branch_displacement, x - s.branch_displacement_x
         elastic_y = elastic_force(s, y, s.quantity("maxwell_force", s.c_M * stretch_y))
         elastic_x = elastic_force(s, x, s.quantity("longitudinal_maxwell_force", s.c_Mx * stretch_x), _X)
-        in_x, in_y, curve = combined_slip(s, _X.curve(s), LATERAL.curve(s))
-        slip = s.quantity("generalised_slip", slip_size(in_x[0], in_y[0]))
-        slope = s.quantity("slip_stiffness", slip_stiffness(curve, slip))
+        in_x, in_y, slope = combined_slip(s, _X.curve(s), LATERAL.curve(s))
         rate_y, force_y = contact_motion(s, elastic_y, slope, *in_y)
         rate_x, force_x = contact_motion(s, elastic_x, slope, *in_x, _X)
         rest_y, rest_x = resting_deflection(s), resting_deflection(s, _X)

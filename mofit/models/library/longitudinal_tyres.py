@@ -32,12 +32,12 @@ CURVE_X_PARAMETERS = (
     Parameter("F_Mx", "N", 300.0, 2e4, 3300.0, "log", "maximum longitudinal force", scales=LOAD),
 )
 SPRING_X_PARAMETERS = (
-    Parameter("c_x", "N/m", 2e4, 3e6, 3e5, "log", "longitudinal stiffness at small deflection", scales=LOAD),
+    Parameter("c_x", "N/m", 5e4, 1.5e6, 3e5, "log", "longitudinal stiffness at small deflection", scales=LOAD),
     Parameter("p_x", "1/m", -60.0, 60.0, -5.0, description="change of longitudinal stiffness with deflection"),
 )
 BRANCH_X_PARAMETERS = (
-    Parameter("c_Mx", "N/m", 2e3, 2e5, 5e4, "log", "stiffness of the longitudinal Maxwell branch", scales=LOAD),
-    Parameter("d_Mx", "N s/m", 100.0, 6e4, 5e3, "log", "damping of the longitudinal Maxwell branch", scales=LOAD),
+    Parameter("c_Mx", "N/m", 5e3, 2e5, 5e4, "log", "stiffness of the longitudinal Maxwell branch", scales=LOAD),
+    Parameter("d_Mx", "N s/m", 500.0, 6e4, 5e3, "log", "damping of the longitudinal Maxwell branch", scales=LOAD),
 )
 
 
