@@ -30,7 +30,7 @@ _NAME, _COMMENT, _UNIT = 10, 30, 10
 def tydex_text(measurement: Measurement, title: str, units: Mapping[str, str] | None = None) -> str:
     """The text of a TYDEX file: time, inputs and outputs as channels, conditions as constants, all in SI units.
 
-    Names that TYDEX does not know are those of mofit, in capitals and cut to ten letters. Numbers have all their digits.
+    Names that TYDEX does not know are those of mofit, in capitals and cut to nine letters. Numbers have all digits.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def tydex_text(measurement: Measurement, title: str, units: Mapping[str, str] | 
     Raises
     ------
     InputError
-        If two names are alike after they were cut, or a unit is longer than ten letters.
+        If two names are alike after they were cut, or a unit is longer than nine letters.
     """
     experiment, where = measurement.experiment, f"test '{measurement.name}'"
     channels = {"time": measurement.time, **experiment.inputs, **measurement.outputs}
@@ -86,9 +86,7 @@ def _short_names(where: str, names: list[str], units: Mapping[str, str]) -> dict
     """Name in the file by name."""
     short = {name: NAMES.get(name, _ascii(name).replace(" ", "_").upper()[: _NAME - 1]) for name in names}
     issues = [
-        Issue(
-            f"{where}, '{name}'", f"the unit '{_unit(name, units)}' has more than {_UNIT - 1} letters", "Leave it out"
-        )
+        Issue(f"{where}, '{name}'", f"its unit has more than {_UNIT - 1} letters", "Leave it out")
         for name in names
         if len(_unit(name, units)) >= _UNIT
     ]

@@ -46,8 +46,8 @@ def test_longitudinal_tyre(rng):
 @pytest.mark.slow
 def test_combined_slip(rng):
     """Both slips at frequencies that have no common period in the record."""
-    time, tests = np.arange(150) * STEP, []
-    for ratio, angle, first, second in ((0.05, 0.05, 0.8, 1.3), (0.15, 0.12, 2.3, 3.1), (0.03, 0.04, 7.1, 5.3)):
+    time, tests = np.arange(250) * 2 * STEP, []
+    for ratio, angle, first, second in ((0.04, 0.03, 0.3, 0.5), (0.03, 0.05, 1.7, 1.1), (0.12, 0.12, 2.9, 4.3)):
         signals = {
             "slip_ratio": reference.ratio_of(ratio, first),
             "slip_angle": reference.ratio_of(angle, second),
