@@ -15,6 +15,8 @@ from mofit.models import BlackBoxSystem, Model, build_system
 _HALVINGS = 45
 #: time constants of the slowest mode within which a rise time is looked for
 _LONGEST = 40.0
+#: in place of zero, where forces may have a kink: over combined slip the slope depends on the direction
+_BESIDE = 1e-6
 #: points at which a step response is looked at within the fastest mode, and again beyond it
 _LOOKS = 400
 
@@ -115,9 +117,10 @@ class Linearisation:
 
     def at(self, value: float, draws: FloatArray, conditions: dict[str, float]) -> LinearResponse:
         """The linear systems of parameter draws (N, p) around rest at a value of the input; other inputs are 0."""
-        u = np.zeros(len(self.inputs))
-        u[self.place] = value
-        c = [conditions[name] for name in self.conditions]
-        found = [[block.full() for block in self._blocks(u, draw, c)] for draw in draws]
-        a, b, c_, d = (np.array(part) for part in zip(*found, strict=True))
-        return LinearResponse(a, b[..., 0], c_[:, 0], d[:, 0, 0])
+        count = len(draws)
+        u = np.zeros((len(self.inputs), count))
+        u[self.place] = value or _BESIDE
+        c = np.tile([[conditions[name]] for name in self.conditions], (1, count))
+        a, b, c_, d = (block.full() for block in self._blocks.map(count)(u, draws.T, c))
+        states = len(b)
+        return LinearResponse(a.reshape(states, count, states).swapaxes(0, 1), b.T, c_.reshape(count, states), d[0])

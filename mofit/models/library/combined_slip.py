@@ -34,7 +34,7 @@ from mofit.models.model import Channel, Equations, MaxwellBranch, Model, Symbols
 #: the longitudinal direction where the lateral one is beside it
 _X = replace(LONGITUDINAL, prefix="longitudinal_")
 #: slip below which its direction is not resolved; it keeps the direction regular at zero slip
-_NO_SLIP = 1e-6
+_NO_SLIP = 1e-9
 
 
 def normalisation(x: Curve, y: Curve) -> tuple[ca.SX, ca.SX]:
