@@ -70,7 +70,9 @@ def _panels(responses: TyreResponses) -> Panels:
     found = list(responses.bode())[:_MOST]
     colour = mode_colour(0)
     legend = [line_key(colour, "median"), band_key(colour, "5 to 95 %")]
-    panels = Panels(len(found), min(len(found), 2), 1.6, legend=legend, lower=1.0, margin=(0.9, 0.5, 0.1), gap=(0.75, 0.7))
+    panels = Panels(
+        len(found), min(len(found), 2), 1.6, legend=legend, lower=1.0, margin=(0.9, 0.5, 0.1), gap=(0.75, 0.7)
+    )
     for (point, gain, phase), axes, lower in zip(found, panels.axes, panels.lower, strict=True):
         for panel, values in ((axes, gain), (lower, phase)):
             panel.fill_between(FREQUENCIES, values[0], values[2], color=colour, alpha=0.4, lw=0)
