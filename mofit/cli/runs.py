@@ -95,6 +95,7 @@ def export(
     """
     from mofit.errors import Issue, raise_errors
     from mofit.results import open_result
+    from mofit.results.export import require_equations
     from mofit.runtime.files import atomic_path
     from mofit.runtime.output_file import output_file
 
@@ -105,6 +106,8 @@ def export(
         if value is not None and to != "fmu"
     )
     tree = open_result(run)
+    if to not in ("toml", "csv"):
+        require_equations(tree)
     file = Path(re.sub("[^0-9A-Za-z_.-]", "_", f"{tree.attrs['model']}.{to}")) if out is None else out
     said: dict[str, str | None] = {}
     with output_file(file) as target, atomic_path(target) as temporary:
