@@ -12,8 +12,8 @@ from mofit.models.black_box import Record
 from mofit.models.fmu.mapping import FmuMapping, Port
 from mofit.quantities import HOLD
 
-#: Share of a communication step that its last part takes.
-_LAST = 1e-3
+#: Share of a communication step that its last part takes: what an FMU makes of the input during it is an error.
+_LAST = 1e-5
 
 
 def co_simulate(
@@ -95,8 +95,8 @@ def _schedule(steps: int, sloping: bool, fixed: bool) -> list[tuple[float, float
 
     - An FMU that interpolates (FMI 2, ``canInterpolateInputs``) takes a sloping input at the beginning, with its slope.
     - Any other one holds the input during the step: it takes that of the middle, which is right to second order, and
-      exact where the record holds it too. A last step, a thousandth as long, takes the input at the sample, so that an
-      output that follows it at once is exact.
+      exact where the record holds it too. A last, very short step takes the input at the sample, so that an output
+      that follows it at once is exact.
     - One with a fixed step takes the input at the end: such an output is exact, the rest half a step early.
     """
     whole = [(j / steps, 1 / steps) for j in range(steps)]
