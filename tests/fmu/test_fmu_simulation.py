@@ -95,9 +95,7 @@ def test_inputs_run_between_samples_as_the_record_says(executor, tmp_path, versi
     else:
         rates = np.diff(curve[interpolation]) * 30 * many
         for begin, change in zip(fine, np.diff(rates, prepend=0.0), strict=False):
-            exact += np.where(
-                time >= begin, position(np.maximum(time - begin, 0), 350.0, 5.0, 1.2, slope=change), 0.0
-            )
+            exact += np.where(time >= begin, position(np.maximum(time - begin, 0), 350.0, 5.0, 1.2, slope=change), 0.0)
     # a step later or earlier by one sample would be wrong by a tenth; linear beside cubic by a hundredth
     size = np.abs(exact).max()
     assert found.outputs[:, 0] == pytest.approx(exact, abs=1.5e-3 * size)

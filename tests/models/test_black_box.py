@@ -155,7 +155,8 @@ def test_a_simulator_is_named_after_its_function():
 
 
 @pytest.mark.parametrize(
-    ("interpolation", "between"), [("hold", [0.0, 1.0, 4.0]), ("linear", [0.5, 2.5, 6.5]), ("cubic", [0.25, 2.25, 6.25])]
+    ("interpolation", "between"),
+    [("hold", [0.0, 1.0, 4.0]), ("linear", [0.5, 2.5, 6.5]), ("cubic", [0.25, 2.25, 6.25])],
 )
 def test_a_record_knows_its_inputs_between_samples(interpolation, between):
     record = Record("parabola", np.arange(4) * 0.1, {"displacement": np.arange(4.0) ** 2}, {}, interpolation)

@@ -225,3 +225,11 @@ def test_sizes_of_states_are_those_of_the_tests():
     assert sizes["idle"] == 1.0  # always zero: no size is known
     (own,) = (v for _, v in contents(tree, model).of("input") if v.name == "displacement")
     assert own.nominal == pytest.approx(3.0, rel=1e-4)
+
+
+def test_a_simulator_of_ones_own_has_no_equations_to_write():
+    with pytest.raises(InputError, match="mofit knows no equations of it to write"):
+        contents(xr.DataTree(), line_simulator())
+    with pytest.raises(InputError, match="Export its parameters"):
+        require_equations(xr.DataTree(xr.Dataset(attrs={"model": "line", "simulations": "{}"})))
+    require_equations(xr.DataTree(xr.Dataset(attrs={"model": "maxwell_damper"})))
