@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import xarray as xr
 from fmu_runs import (
     ROLLING,
     drive,
@@ -21,10 +22,12 @@ from fmu_runs import (
     stroke,
     validate_fmu,
 )
+from simulators import line_simulator
 
 from mofit.errors import InputError
 from mofit.models import Channel, Condition, Equations, Model, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
+from mofit.results.export import require_equations
 from mofit.results.fmu.archive import write_fmu
 from mofit.results.fmu.values import condition_starts, parameter_starts
 from mofit.results.fmu.variables import contents
