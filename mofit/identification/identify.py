@@ -140,8 +140,11 @@ def identify(
             left_out = shortages(located.problem, list(groups))
             keep_for_predictions(located.problem, 0)
             result = IdentificationResult(
-                **{**vars(located), "warnings": (*located.warnings, *unconverged, *left_out)},
-                findings=_findings(located, modes, settings),
+                **{
+                    **vars(located),
+                    "warnings": (*located.warnings, *unconverged, *left_out),
+                    "findings": (*located.findings, *_findings(located, modes, settings)),
+                },
                 campaign=whole,
                 configuration=configuration,
                 modes=modes,

@@ -84,6 +84,8 @@ class Located:
     """All refined minima of the posterior, best first."""
     warnings: tuple[str, ...]
     """Sentences on stages without tests and on ranges that were widened."""
+    findings: tuple[Finding, ...]
+    """What a reader must know before the numbers, as far as the stage knows."""
 
     @property
     def problem(self) -> Problem:
@@ -101,8 +103,6 @@ class IdentificationResult(Located):
     """The plausible minima, sampled; most probable first."""
     references: Mapping[str, xr.Dataset]
     """Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`."""
-    findings: tuple[Finding, ...]
-    """What a reader must know before the numbers."""
     seconds: Mapping[str, float]
     """Per stage."""
 

@@ -15,6 +15,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
 from mofit.identification.descents import few_starts, settings_for
+from mofit.identification.findings import Finding
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.refinement import log_evidence, plausible, refined, with_calibrated_free
@@ -39,10 +40,12 @@ P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.
 Searched = Callable[[Problem, FloatArray], None]
 
-#: What is said where there was no time to refine and to look whether ranges are wide enough.
-TIME_IS_UP = (
+#: Found where there was no time to refine and to look whether ranges are wide enough.
+TIME_IS_UP = Finding(
+    "time limit",
+    "caution",
     "The time limit came before the minima were refined and their ranges seen to be wide enough: give more time, or "
-    "narrow the ranges (--bounds)."
+    "narrow the ranges (--bounds).",
 )
 #: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
 IN_VALLEY = 5.0
@@ -68,10 +71,10 @@ def locate_minima(
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
         setup = set_up_problem(model, campaign, settings, tests)
-    located, notes = _located(setup, timer, progress, until, searched), list[str]()
+    located, notes, found = _located(setup, timer, progress, until, searched), list[str](), tuple[Finding, ...]()
     for widen in (led_setup, wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
         if time.monotonic() > until:
-            notes.append(TIME_IS_UP)
+            found = (TIME_IS_UP,)
             break
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
@@ -83,7 +86,7 @@ def locate_minima(
         setup, notes = wider, [*notes, *map(str, new)]
         located = _located(setup, timer, progress, until)
     check_left(located.problem)
-    return replace(located, warnings=(*located.warnings, *notes)) if notes else located
+    return replace(located, warnings=(*located.warnings, *notes), findings=found)
 
 
 def _located(
@@ -105,7 +108,7 @@ def _located(
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, *starts, until)
         posterior, minima = with_calibrated_free(posterior, searched, rough, until)
-    return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
+    return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings, ())
 
 
 def find_modes(

@@ -104,23 +104,26 @@ class ExperimentData:
         several = self.weights.shape[1] > 1
         return tuple(np.flatnonzero(np.any(self.weights != 0, axis=0)).tolist()) if several else (0,)
 
+    def packed(self) -> FloatArray:
+        """What loops read, per sample: 1 if any output has a weight, the measured outputs, the weights.
+
+        Shape (lead + n, 1 + 2 ny). That of a short test is kept.
+        """
+        if self.samples > _SHORT_TEST:
+            return self._pack()
+        return self._packed
+
     @cached_property
-    def data(self) -> FloatArray:
-        """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (lead + n, 1 + 2 ny)."""
+    def _packed(self) -> FloatArray:
+        return self._pack()
+
+    def _pack(self) -> FloatArray:
         ny = self.measured.shape[1]
         data = np.zeros((self.samples, 1 + 2 * ny))
         record = data[self.lead :]
         record[:, 0] = np.any(self.weights != 0, axis=1)
         record[:, 1 : 1 + ny], record[:, 1 + ny :] = self.measured, self.weights
-        # the same numbers once in memory
-        object.__setattr__(self, "measured", record[:, 1 : 1 + ny])
-        object.__setattr__(self, "weights", record[:, 1 + ny :])
         return data
-
-    @cached_property
-    def address(self) -> int:
-        """Of `data` in memory."""
-        return self.data.ctypes.data
 
     @cached_property
     def curve(self) -> PPoly:
