@@ -1,16 +1,10 @@
-"""Commands on finished runs: report, uncertainty, export."""
+"""Commands on finished runs: report, runs, open, uncertainty."""
 
 from __future__ import annotations
 
-import re
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
 
-from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json
-
-if TYPE_CHECKING:
-    from xarray import DataTree
+from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json, say
 
 
 @app.command
@@ -26,6 +20,60 @@ def report(run: FinishedRun, /, *, as_json: Json = False) -> int:
         print_json({"report": str(page)})
     else:
         print(page)
+    return DONE
+
+
+@app.command
+def runs(folder: Path = Path("runs"), /, *, as_json: Json = False) -> int:
+    """Write one page for a folder of runs: what was run, verdicts, errors beside the noise, runs side by side.
+
+    Example: mofit runs runs
+
+    Parameters
+    ----------
+    folder
+        Folder that holds the runs. By default runs.
+    """
+    from dataclasses import asdict
+
+    from mofit.cli.runs_shown import show_runs
+    from mofit.runtime.output_file import output_file
+    from mofit.workflows.runs import find_runs
+    from mofit.workflows.runs_page import PAGE, write_runs
+
+    entries = find_runs(folder)
+    with output_file(folder / PAGE, "folder", force=True):
+        page = write_runs(entries, folder)
+    if as_json:
+        print_json({"schema": "mofit.runs/1", "page": str(page), "runs": [asdict(entry) for entry in entries]})
+    else:
+        show_runs(entries, page)
+    return DONE
+
+
+@app.command(name="open")
+def open_page(run: Path, /, *, as_json: Json = False) -> int:
+    """Open the page of a run, or of a folder of runs, in the browser; without a browser, its path is printed.
+
+    Example: mofit open runs/my-campaign-maxwell_tyre
+
+    Parameters
+    ----------
+    run
+        Folder of a run, of a batch, or of runs.
+    """
+    import webbrowser
+
+    from mofit.workflows.runs import page_of
+
+    page = page_of(run)
+    opened = webbrowser.open(page.resolve().as_uri())
+    if as_json:
+        print_json({"schema": "mofit.open/1", "page": str(page), "opened": opened})
+    else:
+        print(page)
+    if not opened:
+        say("mofit: there is no browser here; open the file above in one.")
     return DONE
 
 
@@ -54,112 +102,3 @@ def uncertainty(run: FinishedRun, /, *, parameter: tuple[str, ...] = (), as_json
     if not table["converged"]:
         return NOT_CONVERGED
     return NOT_IDENTIFIABLE if table["not_identifiable"] else DONE
-
-
-@app.command
-def export(
-    run: FinishedRun,
-    /,
-    *,
-    to: Literal["toml", "csv", "casadi", "c", "fmu"],
-    mode: str = "m1",
-    model: str | None = None,
-    effect: tuple[str, ...] = (),
-    fmi: Literal["3", "2"] | None = None,
-    test: str | None = None,
-    out: Path | None = None,
-    as_json: Json = False,
-) -> int:
-    """Export a run for other programs: parameters with uncertainty, the identified model as a function, or an FMU.
-
-    Example: mofit export runs/my-campaign-maxwell_tyre --to fmu --out tyre.fmu
-
-    Parameters
-    ----------
-    to
-        toml, csv: parameters of all modes with standard deviation, quantiles, unit and classification. casadi: a file
-        for CasADi's Function.load. c: C source. fmu: a Functional Mock-up Unit for co-simulation, with its sources, and
-        with a binary where a C compiler is found.
-    mode
-        Posterior mode: its MAP estimate goes into the function (casadi, c), its posterior mean into the FMU.
-    model
-        The run's model, if it is your own: path/to/file.py:Name.
-    effect
-        Effects of the run, all in their order, if one is your own; repeatable.
-    fmi
-        Version of FMI, 3.0 by default (fmu).
-    test
-        Test whose conditions and values per test the FMU starts with; by default those common to all, and the mean.
-    out
-        File to write. By default the model's name with the ending of the format.
-    """
-    from mofit.errors import Issue, raise_errors
-    from mofit.results import open_result
-    from mofit.results.export import require_equations
-    from mofit.runtime.files import atomic_path
-    from mofit.runtime.output_file import output_file
-
-    given = {"--fmi": fmi, "--test": test}
-    raise_errors(
-        Issue(f"{option} {value}", f"is for an FMU, not for {to}", "Add --to fmu, or leave it out")
-        for option, value in given.items()
-        if value is not None and to != "fmu"
-    )
-    tree = open_result(run)
-    if to not in ("toml", "csv"):
-        require_equations(tree)
-    file = Path(re.sub("[^0-9A-Za-z_.-]", "_", f"{tree.attrs['model']}.{to}")) if out is None else out
-    said: dict[str, str | None] = {}
-    with output_file(file) as target, atomic_path(target) as temporary:
-        if to in ("toml", "csv"):
-            _export_parameters(tree, temporary, to)
-        elif to == "fmu":
-            said = _export_fmu(tree, temporary, fmi or "3", mode, model, effect, test)
-        else:
-            _export_function(tree, temporary, to, mode, model, effect)
-    if as_json:
-        print_json({"file": str(target), "to": to, "mode": None if to in ("toml", "csv") else mode, **said})
-    else:
-        print(target)
-    if said.get("note"):
-        print(f"mofit: {said['note']}", file=sys.stderr)
-    return DONE
-
-
-def _export_parameters(tree: DataTree, file: Path, to: str) -> None:
-    from mofit.results.export import parameters_csv, parameters_toml
-
-    text = (parameters_toml if to == "toml" else parameters_csv)(tree)
-    file.write_text(text, encoding="utf-8")
-
-
-def _export_function(
-    tree: DataTree, file: Path, to: str, mode: str, model: str | None, effects: tuple[str, ...]
-) -> None:
-    from mofit.results.export import c_source, identified_function, model_of_run
-
-    chosen = model_of_run(tree, model, effects)
-    function = identified_function(tree, chosen, mode)
-    if to == "casadi":
-        function.save(str(file))
-        return
-    keys = ("title", "campaign_title", "campaign_source", "created", "mofit_version")
-    origin = {"mode": mode, **{key.replace("_", " "): str(tree.attrs[key]) for key in keys}}
-    file.write_text(c_source(function, chosen, origin), encoding="utf-8")
-
-
-def _export_fmu(
-    tree: DataTree,
-    file: Path,
-    fmi: Literal["3", "2"],
-    mode: str,
-    model: str | None,
-    effects: tuple[str, ...],
-    test: str | None,
-) -> dict[str, str | None]:
-    """What is to be said of it."""
-    from mofit.results.export import model_of_run
-    from mofit.results.fmu.archive import write_fmu
-
-    built = write_fmu(tree, model_of_run(tree, model, effects), file, fmi=fmi, mode=mode, test=test)
-    return {"fmi": fmi, "platform": built.platform, "note": built.note or None}

@@ -133,6 +133,7 @@ def _mode(tree: xr.DataTree, name: str, node: xr.DataTree, units: xr.DataArray) 
             "spread": "sampled" if "sd" in at else "Laplace",
             "unit": str(units.sel(parameter=parameter).item()),
             "verdict": str(at["verdict"].item()) if "verdict" in at else "not sampled",
+            "at_bound": int(at["at_bound"]) if "at_bound" in at else 0,
         }
     return {
         "id": name,

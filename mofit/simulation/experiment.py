@@ -109,20 +109,16 @@ class ExperimentData:
 
         Shape (lead + n, 1 + 2 ny). That of a short test is kept.
         """
-        if self.samples > _SHORT_TEST:
-            return self._pack()
-        return self._packed
-
-    @cached_property
-    def _packed(self) -> FloatArray:
-        return self._pack()
-
-    def _pack(self) -> FloatArray:
+        known: FloatArray | None = vars(self).get("_packed")
+        if known is not None:
+            return known
         ny = self.measured.shape[1]
         data = np.zeros((self.samples, 1 + 2 * ny))
         record = data[self.lead :]
         record[:, 0] = np.any(self.weights != 0, axis=1)
         record[:, 1 : 1 + ny], record[:, 1 + ny :] = self.measured, self.weights
+        if self.samples <= _SHORT_TEST:
+            vars(self)["_packed"] = data
         return data
 
     @cached_property
