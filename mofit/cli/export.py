@@ -75,8 +75,11 @@ def export(
     if to == "tydex":
         return _export_tydex(run, test, out, as_json)
     from mofit.results import open_result
+    from mofit.results.export import require_equations
 
     tree = open_result(run)
+    if to in ("casadi", "c", "fmu"):
+        require_equations(tree)
     name = f"{tree.attrs['model']}{_ENDINGS.get(to, f'.{to}')}"
     file = Path(re.sub("[^0-9A-Za-z_.-]", "_", name)) if out is None else out
     said: dict[str, str | None] = {}

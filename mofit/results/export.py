@@ -18,6 +18,7 @@ from mofit.models import (
     BlackBoxSystem,
     Channel,
     Model,
+    System,
     as_laws,
     build_system,
     find_effect,
@@ -26,6 +27,7 @@ from mofit.models import (
     with_laws,
 )
 from mofit.results.reading import fixed_values, summary
+from mofit.results.simulations import simulations
 from mofit.runtime.toml import toml_value
 
 #: numbers of a parameter, in the order of the columns: MAP estimate, posterior mean and sd, 5, 50 and 95 % quantiles
@@ -110,6 +112,37 @@ def model_of_run(tree: xr.DataTree, model: Model | str | None = None, effects: S
     return found
 
 
+def require_equations(tree: xr.DataTree) -> None:
+    """Refuse to write the model of a run that identified a user's simulator.
+
+    Raises
+    ------
+    InputError
+        If it has no equations.
+    """
+    if simulations(tree) is not None:
+        raise _without_equations(str(tree.attrs["model"]))
+
+
+def system_with_equations(model: Model) -> System:
+    """The system of a model.
+
+    Raises
+    ------
+    InputError
+        If it has no equations.
+    """
+    system = build_system(model)
+    if isinstance(system, BlackBoxSystem):
+        raise _without_equations(model.name)
+    return system
+
+
+def _without_equations(name: str) -> InputError:
+    what = "it is a simulator of your own: mofit knows no equations of it to write"
+    return InputError.of(f"model '{name}'", what, "Export its parameters (--to toml, --to csv), and run it with them")
+
+
 def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca.Function:
     r"""The model at the MAP estimate of a mode.
 
@@ -129,10 +162,7 @@ def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca
         raise InputError.of(f"--mode {mode}", "the run has no such mode", did_you_mean(mode, modes))
     found = modes[mode].to_dataset(inherit=False)["value"]
     values = {**fixed_values(tree), **{str(n): float(found.sel(parameter=n)) for n in found["parameter"].values}}
-    system = build_system(model)
-    if isinstance(system, BlackBoxSystem):
-        hint = "Export the parameters (--to toml, --to csv)"
-        raise InputError.of(f"model '{model.name}'", "it is a simulator without equations to write", hint)
+    system = system_with_equations(model)
     raise_errors(
         Issue(f"parameter '{name}'", "the run has no value for it", "Identify anew with this model")
         for name in system.parameters

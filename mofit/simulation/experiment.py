@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import PPoly
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, smooth_derivatives, steady_samples
 from mofit.errors import InputError, Issue
 from mofit.models import Model, System
+from mofit.models.interpolation import input_curve
 from mofit.models.model import TIME
 from mofit.quantities import HOLD, INTERPOLATIONS
 from mofit.simulation.requirements import all_conditions, derived_channels, measured_outputs, undriven
@@ -123,7 +124,7 @@ class ExperimentData:
     @cached_property
     def curve(self) -> PPoly:
         """The inputs over time."""
-        return _curve(self)
+        return input_curve(self.step, self.inputs, self.interpolation)
 
     @cached_property
     def rate(self) -> PPoly:
@@ -174,19 +175,6 @@ class ExperimentData:
             if not np.all(np.isfinite(value)):
                 found.append(Issue(where, f"{what} hold nan or infinite values", "Set weight and value to 0 there"))
         return found
-
-
-def _curve(experiment: ExperimentData) -> PPoly:
-    time = np.arange(experiment.samples) * experiment.step
-    inputs = np.asarray(experiment.inputs, dtype=float)
-    if experiment.samples == 1:
-        return PPoly(inputs[None], np.array([0.0, experiment.step]))
-    if experiment.interpolation == HOLD:
-        return PPoly(inputs[None], np.append(time, experiment.samples * experiment.step))
-    if experiment.interpolation == "linear":
-        return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
-    # one input after the other: making a spline takes several times its memory
-    return PPoly(np.stack([CubicSpline(time, column).c for column in inputs.T], axis=-1), time)
 
 
 def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, int], ...]:
