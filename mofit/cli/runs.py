@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 
 @app.command
@@ -93,27 +89,11 @@ def export(
     out
         File to write. By default the model's name with the ending of the format.
     """
-    from mofit.errors import Issue, raise_errors
-    from mofit.results import open_result
-    from mofit.runtime.files import atomic_path
-    from mofit.runtime.output_file import output_file
+    from mofit.workflows.export import export as exported
 
-    given = {"--fmi": fmi, "--test": test}
-    raise_errors(
-        Issue(f"{option} {value}", f"is for an FMU, not for {to}", "Add --to fmu, or leave it out")
-        for option, value in given.items()
-        if value is not None and to != "fmu"
-    )
-    tree = open_result(run)
-    file = Path(re.sub("[^0-9A-Za-z_.-]", "_", f"{tree.attrs['model']}.{to}")) if out is None else out
-    said: dict[str, str | None] = {}
-    with output_file(file) as target, atomic_path(target) as temporary:
-        if to in ("toml", "csv"):
-            _export_parameters(tree, temporary, to)
-        elif to == "fmu":
-            said = _export_fmu(tree, temporary, fmi or "3", mode, model, effect, test)
-        else:
-            _export_function(tree, temporary, to, mode, model, effect)
+    made = exported(run, to, mode=mode, model=model, effects=effect, fmi=fmi, test=test, out=out)
+    said = {"fmi": made.fmi, "platform": made.platform, "note": made.note or None} if to == "fmu" else {}
+    target = made.file
     if as_json:
         print_json({"file": str(target), "to": to, "mode": None if to in ("toml", "csv") else mode, **said})
     else:
@@ -121,42 +101,3 @@ def export(
     if said.get("note"):
         print(f"mofit: {said['note']}", file=sys.stderr)
     return DONE
-
-
-def _export_parameters(tree: DataTree, file: Path, to: str) -> None:
-    from mofit.results.export import parameters_csv, parameters_toml
-
-    text = (parameters_toml if to == "toml" else parameters_csv)(tree)
-    file.write_text(text, encoding="utf-8")
-
-
-def _export_function(
-    tree: DataTree, file: Path, to: str, mode: str, model: str | None, effects: tuple[str, ...]
-) -> None:
-    from mofit.results.export import c_source, identified_function, model_of_run
-
-    chosen = model_of_run(tree, model, effects)
-    function = identified_function(tree, chosen, mode)
-    if to == "casadi":
-        function.save(str(file))
-        return
-    keys = ("title", "campaign_title", "campaign_source", "created", "mofit_version")
-    origin = {"mode": mode, **{key.replace("_", " "): str(tree.attrs[key]) for key in keys}}
-    file.write_text(c_source(function, chosen, origin), encoding="utf-8")
-
-
-def _export_fmu(
-    tree: DataTree,
-    file: Path,
-    fmi: Literal["3", "2"],
-    mode: str,
-    model: str | None,
-    effects: tuple[str, ...],
-    test: str | None,
-) -> dict[str, str | None]:
-    """What is to be said of it."""
-    from mofit.results.export import model_of_run
-    from mofit.results.fmu.archive import write_fmu
-
-    built = write_fmu(tree, model_of_run(tree, model, effects), file, fmi=fmi, mode=mode, test=test)
-    return {"fmi": fmi, "platform": built.platform, "note": built.note or None}

@@ -88,7 +88,8 @@ def is_campaign_file(path: Path) -> bool:
 
     try:
         with h5py.File(path, "r") as file:
-            return str(file.attrs.get("schema", "")).startswith("mofit.campaign/")
+            schema = file.attrs.get("schema", b"")
+            return (schema if isinstance(schema, bytes) else str(schema).encode()).startswith(b"mofit.campaign/")
     except OSError:
         return False
 

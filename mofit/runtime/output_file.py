@@ -28,7 +28,11 @@ _HEAD = 4096
 
 @contextmanager
 def output_file(
-    target: str | Path, option: str = "--out", *, force: bool | None = None, inputs: Sequence[Path] = (),
+    target: str | Path,
+    option: str = "--out",
+    *,
+    force: bool | None = None,
+    inputs: Sequence[Path] = (),
     recognised: Callable[[Path], bool] | None = None,
 ) -> Iterator[Path]:
     """Claim a file that is written at the end of the block.

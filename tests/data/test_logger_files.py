@@ -19,9 +19,7 @@ FORCE = 8 * STROKE + 90 * np.tanh(SPEED / 5)
 
 
 def lines(*columns, delimiter=";", decimal="."):
-    return [
-        delimiter.join(f"{value:.6f}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)
-    ]
+    return [delimiter.join(f"{value:.6f}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)]
 
 
 def table_of(folder, text, name="log.csv"):
@@ -117,7 +115,7 @@ def test_channels_without_names_are_told_by_their_shapes(tmp_path):
         "displacement": {"column": "CHANNEL3", "unit": "mm"},
         "force": {"column": "CHANNEL0", "unit": "N"},
     }
-    assert '# not used: "CHANNEL2", the derivative of \'CHANNEL3\'' in text
+    assert "# not used: \"CHANNEL2\", the derivative of 'CHANNEL3'" in text
     np.testing.assert_allclose(test.channel("force"), load, atol=1e-5)
 
 

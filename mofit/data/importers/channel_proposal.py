@@ -20,6 +20,8 @@ from mofit.units import is_unit, to_si
 _NAMED = 6
 #: columns of the most that shapes are compared of
 _COMPARED = 24
+#: families that units alone can mean: no tyre, whose angle and force have the same as others
+_PLAIN = (("displacement", "force"), ("angle", "torque"), ("current", "voltage"))
 #: constants that loggers call their time step and their rate
 _STEP, _RATE = ("ts", "dt", "ta", "tsample", "sampletime"), ("fs", "samplerate", "samplingrate", "abtastrate")
 #: words in names of columns that count or sum up
@@ -61,7 +63,9 @@ def find_time(table: Table, rows: int | None = None) -> Guess | None:
     rising = [
         name
         for name, values in table.columns.items()
-        if (rows is None or len(values) == rows) and looks_like_time(values) and fits("time", _unit(table, name, "time"))
+        if (rows is None or len(values) == rows)
+        and looks_like_time(values)
+        and fits("time", _unit(table, name, "time"))
     ]
     if len(rising) != 1 or key(rising[0]) in _NO_SIGNAL:
         return None
@@ -146,9 +150,9 @@ def _by_shape(table: Table) -> Channels | None:
 def _by_unit(table: Table, columns: Mapping[str, FloatArray], roles: Roles) -> Channels | None:
     """Channels of the first family whose input and output each have a column of their unit."""
     given = {name: unit for name in columns if (unit := _given_unit(table, name))}
-    for family in FAMILIES:
+    for family in (family for family in FAMILIES if family.needed in _PLAIN):
         driver, response = (
-            [name for name, unit in given.items() if known_unit(q) and fits(q, unit) and name not in roles.derivatives]
+            [name for name, unit in given.items() if fits(q, unit) and name not in roles.derivatives]
             for q in family.needed
         )
         if driver and response and set(driver).isdisjoint(response):

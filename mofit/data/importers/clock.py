@@ -12,7 +12,10 @@ from mofit._typing import FloatArray
 #: date of the years 1700 to 2199, which fit in 64 bits of ns; time to the minute or finer; zone
 _ISO = re.compile(r"(1[7-9]|2[01])\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d([.,]\d{1,9})?)?\s?(Z|[+-]\d\d(:?\d\d)?)?")
 #: a date as loggers write it: day, month and year, or the year first
-_DATE = r"(?:(?P<a>\d{1,2})(?P<sign>[./-])(?P<b>\d{1,2})[./-](?P<y>\d{4}|\d\d)|(?P<Y>\d{4})[./](?P<m>\d{1,2})[./](?P<d>\d{1,2}))"
+_DATE = (
+    r"(?:(?P<a>\d{1,2})(?P<sign>[./-])(?P<b>\d{1,2})[./-](?P<y>\d{4}|\d\d)"
+    r"|(?P<Y>\d{4})[./](?P<m>\d{1,2})[./](?P<d>\d{1,2}))"
+)
 _TIME = r"(?P<h>\d{1,2}):(?P<min>\d\d)(?::(?P<s>\d\d(?:[.,:]\d{1,9})?))?\s?(?P<half>[AaPp][Mm])?"
 _LOGGER = re.compile(rf"(?:{_DATE}[T ,]\s?)?{_TIME}")
 _DATE_ALONE = re.compile(rf"{_DATE}|\d{{4}}-\d\d-\d\d")

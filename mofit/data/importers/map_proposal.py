@@ -90,7 +90,11 @@ def map_proposal(sources: Sequence[Path], contained: Contained | None = None) ->
                 lines += _tests(name, read_table(path, contained), tests)
     if not lines:
         raise InputError(skipped)
-    head = [f"{MAP_MARK} --guess: check every line before you import", f"title = {toml_value(title)}", 'source = "measured"']
+    head = [
+        f"{MAP_MARK} --guess: check every line before you import",
+        f"title = {toml_value(title)}",
+        'source = "measured"',
+    ]
     notes = [f"# skipped: {_line(issue.where)}: {_line(issue.message)}" for issue in skipped]
     return MapProposal("\n".join([*head, "", *notes, *lines]), tests)
 
@@ -167,7 +171,7 @@ def _test(
 
 def _moduli(table: Table) -> dict[str, Guess]:
     """Columns of a table of dynamic moduli; empty if it is none."""
-    found = {}
+    found: dict[str, Guess] = {}
     for name, words in _MODULI.items():
         if guess := find(table, name, words, None, {g.column for g in found.values()}):
             found[name] = guess

@@ -99,9 +99,7 @@ def _own_time(test: TestMap, column: ColumnMap, name: str, table: Table, record:
         record.times[name] = np.arange(len(record.signals[name])) / rate
 
 
-def read_column(
-    test: TestMap, what: str, column: ColumnMap, name: str, table: Table
-) -> tuple[FloatArray, str]:
+def read_column(test: TestMap, what: str, column: ColumnMap, name: str, table: Table) -> tuple[FloatArray, str]:
     """A column in the known unit of its quantity, or else in the SI unit of its own, and that unit.
 
     Raises

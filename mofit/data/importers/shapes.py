@@ -1,9 +1,10 @@
 r"""What the shapes of columns say: which is the time, which drives, which responds, which is another's derivative.
 
-Names are not needed. A derivative :math:`b` of :math:`a` is found by :math:`a \approx k \int b \, dt + c_0 + c_1 t` with
-:math:`k` a power of ten, as the units of a rig's channels differ by one: integration does not amplify noise. What drives
-is chosen by three rules, the first that decides: a signal whose derivative is recorded is a motion; a sine drives what is
-less of a sine; a cause predicts its effect from its past better than the other way round.
+Names are not needed. A derivative :math:`b` of :math:`a` is found by
+:math:`a \approx k \int b \, dt + c_0 + c_1 t` with :math:`k` a power of ten, as the units of a rig's channels differ by
+one: integration does not amplify noise. What drives is chosen by three rules, the first that decides: a signal whose
+derivative is recorded is a motion; a sine drives what is less of a sine; a cause predicts its effect from its past
+better than the other way round.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ def roles_by_shape(time: FloatArray | None, columns: Mapping[str, FloatArray]) -
     count = min((len(values) for values in columns.values()), default=0)
     kept = slice(0, min(count, SHAPES.longest))
     signals = {name: _scaled(values[kept]) for name, values in columns.items() if _varies(values[kept])}
-    stamps = np.arange(count)[kept] * 1.0 if time is None else time[kept]
+    stamps: FloatArray = np.arange(count, dtype=float)[kept] if time is None else time[kept]
     derivatives: dict[str, str] = {}
     if time is not None and len(signals) > 2:
         derivatives = _derivatives(stamps, {name: columns[name][kept] for name in signals})
@@ -116,7 +117,7 @@ def _derivatives(time: FloatArray, signals: Mapping[str, FloatArray]) -> dict[st
             continue
         factor = float(a @ b / (b @ b))
         left = np.var(a - factor * b) / np.var(a)
-        decade = 10.0 ** np.round(np.log10(factor)) if factor > 0 else np.inf
+        decade = float(10.0 ** np.round(np.log10(factor))) if factor > 0 else np.inf
         if left < SHAPES.derivative and abs(factor / decade - 1) < SHAPES.decade:
             found[rate] = min(found.get(rate, (np.inf, "")), (float(left), name))
     ranked = sorted(found, key=lambda name: found[name][0])[: len(signals) - 2]
@@ -137,19 +138,12 @@ def _driver(time: FloatArray, signals: Mapping[str, FloatArray]) -> tuple[str, s
     first, second = sorted(beside, key=lambda name: beside[name])[:2]
     if beside[first] < 0.05 and beside[second] > SHAPES.purer * beside[first]:
         return first, "it is the purest sine"
-    best, second_best = -np.inf, -np.inf
-    driver = first
-    for name in signals:
-        worth = np.mean(
-            [
-                _share_predicted(signals[name], values) - _share_predicted(values, signals[name])
-                for other, values in signals.items()
-                if other != name
-            ]
-        )
-        if worth > best:
-            best, second_best, driver = worth, best, name
-    if len(signals) == 2 and best < SHAPES.causal:
+    worth = {
+        name: sum(_share_predicted(cause, effect) - _share_predicted(effect, cause) for effect in signals.values())
+        for name, cause in signals.items()
+    }
+    driver = max(worth, key=lambda name: worth[name])
+    if len(signals) == 2 and worth[driver] < SHAPES.causal:
         smooth = {name: float(np.var(np.diff(values))) for name, values in signals.items()}
         return min(smooth, key=lambda name: smooth[name]), "it is the smoothest; nothing else tells"
     return driver, "its past predicts the other"

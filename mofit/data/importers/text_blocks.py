@@ -126,9 +126,7 @@ def _first_row(lines: Sequence[str], dialect: Dialect) -> tuple[int | None, int]
     numbers = [sum(mark[k] is True for mark in usual) >= 0.5 * len(usual) for k in range(width)]
 
     def is_row(mark: list[bool | None]) -> bool:
-        return len(mark) == width and True in mark and all(
-            mark[k] is not False for k in range(width) if numbers[k]
-        )
+        return len(mark) == width and True in mark and all(mark[k] is not False for k in range(width) if numbers[k])
 
     found = next((k for k, mark in enumerate(marks) if is_row(mark)), None)
     return found, width
@@ -153,7 +151,7 @@ def _header(lines: Sequence[str], dialect: Dialect, width: int) -> tuple[tuple[s
         rows.insert(0, cells)
     if not rows:
         last = dialect.split(lines[-1]) if lines else []
-        return (tuple(last), ()) if 1 < len(last) or width == 1 else ((), ())
+        return (tuple(last), ()) if len(last) > 1 or width == 1 else ((), ())
     if len(rows) == 1:
         return tuple(rows[0]), ()
     if not _is_unit_row(rows[-1]) and _is_unit_row(rows[-2]) and len(rows) > 2 and not _distinct(rows[-1]):

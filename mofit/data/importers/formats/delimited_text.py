@@ -128,8 +128,8 @@ FORMAT = ImportFormat(
     name="text table",
     versions="any usual delimiter, decimal comma, remarks and header or none, several blocks",
     endings=(".csv", ".txt", ".dat", ".asc", ".tsv"),
-    columns="every column; a name used twice is followed by its number, `F (4)`; a clock is seconds since the first row; "
-    "of several blocks `block.1.F`, `block.2.F`",
+    columns="every column; a name used twice is followed by its number, `F (4)`; a clock is seconds since the first "
+    "row; of several blocks `block.1.F`, `block.2.F`",
     units="a header line, if most of its cells are units; a clock has s",
     read=text_columns,
 )
