@@ -12,8 +12,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mofit.data.campaign import Campaign, Experiment, Measurement
     from mofit.data.campaign_file import read_campaign, write_campaign
+    from mofit.data.importers.importer import import_files
+    from mofit.data.importers.map_proposal import propose_map
+    from mofit.data.quality import check_campaign
     from mofit.errors import InputError, WriteError
-    from mofit.identification.identify import identify
+    from mofit.identification.settings import Settings
     from mofit.models import (
         Applied,
         Channel,
@@ -30,10 +33,13 @@ if TYPE_CHECKING:
         with_effects,
     )
     from mofit.parameters import Parameter, ParameterSpace
-    from mofit.prediction.predict import predict
     from mofit.report import report_page
-    from mofit.results.io import open_result as open
     from mofit.simulation.virtual_rig.rig import simulate
+    from mofit.workflows.api import batch, diagnose, identify, predict, uncertainty
+    from mofit.workflows.api import open_run as open
+    from mofit.workflows.export import export
+    from mofit.workflows.planning import compare, design
+    from mofit.workflows.shown import summary
 
 __version__ = "0.1.0"
 
@@ -61,12 +67,15 @@ _HOMES = {
         )
     },
     **{name: ("mofit.errors", name) for name in ("InputError", "WriteError")},
-    "diagnose": ("mofit.diagnosis.diagnose", "diagnose"),
-    "identify": ("mofit.identification.identify", "identify"),
-    "open": ("mofit.results", "open_result"),
-    "predict": ("mofit.prediction.predict", "predict"),
+    **{name: ("mofit.data", name) for name in ("check_campaign", "import_files", "propose_map")},
+    **{name: ("mofit.workflows.api", name) for name in ("batch", "diagnose", "identify", "predict", "uncertainty")},
+    **{name: ("mofit.workflows.planning", name) for name in ("compare", "design")},
+    "Settings": ("mofit.identification.settings", "Settings"),
+    "export": ("mofit.workflows.export", "export"),
+    "open": ("mofit.workflows.api", "open_run"),
     "report_page": ("mofit.report", "report_page"),
     "simulate": ("mofit.simulation.virtual_rig", "simulate"),
+    "summary": ("mofit.workflows.shown", "summary"),
 }
 
 __all__ = [
@@ -83,20 +92,30 @@ __all__ = [
     "Parameter",
     "ParameterSpace",
     "Record",
+    "Settings",
     "Simulator",
     "Stage",
     "Symbols",
     "WriteError",
     "__version__",
+    "batch",
+    "check_campaign",
+    "compare",
+    "design",
     "diagnose",
+    "export",
     "find_effect",
     "find_model",
     "identify",
+    "import_files",
     "open",
     "predict",
+    "propose_map",
     "read_campaign",
     "report_page",
     "simulate",
+    "summary",
+    "uncertainty",
     "with_effects",
     "write_campaign",
 ]

@@ -100,11 +100,16 @@ def repeated(names: Iterable[str]) -> list[str]:
     return sorted(name for name, count in Counter(names).items() if count > 1)
 
 
+#: names that a hint lists: more are no help in a terminal
+_LISTED = 40
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint for an unknown name: the closest known one, else the list of all."""
+    """A hint for an unknown name: the closest known one, else a list of all, or of the first if they are many."""
     known = sorted(known)
     folded = [other for other in known if other.casefold() == name.casefold()]
     close = folded or difflib.get_close_matches(name, known, n=1)
     if close:
         return f"Did you mean '{close[0]}'?"
-    return f"Known are: {', '.join(known) or 'none'}"
+    shown, more = known[:_LISTED], len(known) - _LISTED
+    return f"Known are: {', '.join(shown) or 'none'}{f' and {more} more' if more > 0 else ''}"

@@ -96,16 +96,17 @@ def compare(
         Number of experiments, the best first, whose simulated data are identified; shows the width of the posterior.
     """
     from mofit.cli.output import progress_bar, show_comparison
-    from mofit.design.comparison import compare_files
-    from mofit.design.prepare import Inputs
     from mofit.design.summary import comparison_summary
     from mofit.design.text import augmentation_sentences
+    from mofit.workflows.planning import compare as compared
 
-    inputs = Inputs(files, model, effect, by_name("--at", at), run, samples, seed, cores(jobs))
-    groups = tests_by_name("--group", group)
+    values, groups, threads = by_name("--at", at), tests_by_name("--group", group), cores(jobs)
     with _files({"--out": out}, force, files):
         with progress_bar() as progress, ended_in(time_limit):
-            found = compare_files(inputs, parameter, groups, posterior, progress)
+            found = compared(
+                *files, model=model, effects=effect, parameters=parameter, groups=groups, at=values, run=run,
+                samples=samples, posterior=posterior, seed=seed, jobs=threads, progress=progress,
+            )  # fmt: skip
         summary = comparison_summary(found)
         if out is not None:
             from mofit.design.pages.comparison import write_comparison
@@ -174,24 +175,18 @@ def design(
         Plan file to write the design into, for `mofit simulate`.
     """
     from mofit.cli.output import progress_bar, show_design
-    from mofit.design.design_job import DesignJob, design_file
-    from mofit.design.prepare import Inputs
     from mofit.design.summary import design_summary
+    from mofit.workflows.planning import design as designed
 
-    job = DesignJob(
-        inputs=Inputs((file,), model, effect, by_name("--at", at), run, samples, seed, cores(jobs)),
-        space=space,
-        parameters=parameter,
-        criterion=criterion,
-        combination=by_name("--combination", combination),
-        discriminate=discriminate,
-        budget=budget,
-        robust=robust,
-        ignore_existing=ignore_existing_tests,
-    )
+    values, weights, threads = by_name("--at", at), by_name("--combination", combination), cores(jobs)
     with _files({"--plan": plan, "--out": out}, force, [file, *([space] if space else [])]):
         with progress_bar() as progress, ended_in(time_limit):
-            proposal = design_file(job, progress)
+            proposal = designed(
+                file, space=space, model=model, effects=effect, parameters=parameter, criterion=criterion,
+                combination=weights, discriminate=discriminate, budget=budget, robust=robust,
+                ignore_existing_tests=ignore_existing_tests, at=values, run=run, samples=samples, seed=seed,
+                jobs=threads, progress=progress,
+            )  # fmt: skip
         summary = design_summary(proposal)
         if plan is not None:
             from mofit.design.design_job import write_plan

@@ -108,8 +108,9 @@ def identify(
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
+    from mofit.results import summary as run_summary
     from mofit.simulation.evaluation.executors import TIMEOUT
-    from mofit.workflows.jobs import Job, identify_file
+    from mofit.workflows.api import identify as identified
 
     if all_freqs and (freq or test):
         raise InputError.of("--all-freqs", "given together with --freq or --test", "Leave one of them out")
@@ -133,9 +134,12 @@ def identify(
         time_limit=seconds("--time-limit", time_limit),
     )
     with progress_bar() as progress, ended_in(time_limit, LATE):
-        named, file = fmu_reference(model, map_file, free), files[0] if files else None
-        job = Job(file, named, effect, freq, test, settings, out, resume, hold_out, more=files[1:])
-        folder, summary = identify_file(job, progress)
+        named = fmu_reference(model, map_file, free)
+        folder, tree = identified(
+            files, named, settings, effects=effect, tests=test, frequencies=freq, hold_out=hold_out, out=out,
+            resume=resume, progress=progress,
+        )  # fmt: skip
+        summary = run_summary(tree, folder)
     if as_json:
         print_json(summary)
     else:
@@ -211,8 +215,7 @@ def diagnose(
         jobs=cores(jobs),
     )
     named = fmu_reference(model, map_file, free)
-    file = files[0] if files else None
-    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include, more=files[1:])
+    job = Job(files, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
     with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(job, progress)
     if as_json:
@@ -260,14 +263,17 @@ def batch(
     """
     from mofit.cli.output import progress_bar
     from mofit.identification.settings import Settings
-    from mofit.workflows.batch import BatchJob, run_batch
+    from mofit.workflows.api import batch as run_all
 
     settings = Settings(
         search=search, bounds=range_by_name("--bounds", bounds), fixed=by_name("--fix", fix), joint=joint, seed=seed
     )
-    job = BatchJob(places, out, what, model, effect, settings, cores(jobs), scheduler)
+    processes = cores(jobs)
     with progress_bar() as progress, ended_in(time_limit):
-        rows = run_batch(job, progress)
+        rows = run_all(
+            *places, out=out, what=what, model=model, effects=effect, settings=settings, jobs=processes,
+            scheduler=scheduler, progress=progress,
+        )  # fmt: skip
     states = [row.state for row in rows]
     if as_json:
         campaigns = [{"name": row.name, "state": row.state, "message": row.message, **row.summary} for row in rows]

@@ -7,11 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from mofit.cli.app import DONE, Json, print_json
+from mofit.cli.app import DONE, Force, Json, print_json
 from mofit.cli.campaign import report_campaign
 from mofit.data.importers.registry import import_formats
 from mofit.errors import InputError
-from mofit.runtime.files import write_text
 from mofit.runtime.output_file import output_file
 
 _FORMATS = "; ".join(f"{known.name} ({', '.join(known.endings)})" for known in import_formats())
@@ -24,6 +23,7 @@ def import_(
     map: Path | None = None,
     guess: bool = False,
     out: Path | None = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> int:
     """Import measured files into a campaign, as a map file describes them.
@@ -33,20 +33,22 @@ def import_(
     map
         Map file (TOML): which column is which channel, in which unit; see docs/campaigns.md.
     guess
-        Propose a map from the names and units of the columns, and import nothing.
+        Propose a map from names, units and shapes of the columns, and import nothing.
     out
-        Campaign file to write. By default the map's name with .nc. With --guess: map file to write, by default
-        standard output.
+        Campaign file to write. By default the map's name with .nc. With --guess: map file to write, and beside it a
+        picture of what was understood, .png; by default the map goes to standard output.
     """
     from mofit.cli.output import progress_bar
     from mofit.data import campaign_warnings, import_files, write_campaign
+    from mofit.data.campaign_file import is_campaign_file
 
     if guess == (map is not None):
         hint = "Give --map MAP.toml to import, or --guess for a proposed map"
         raise InputError.of("import", "needs either --map or --guess", hint)
     if map is None:
-        return _report_map(sources, out, as_json)
-    with output_file(Path(map.with_suffix(".nc").name) if out is None else out, inputs=(*sources, map)) as target:
+        return _report_map(sources, out, force, as_json)
+    name = Path(map.with_suffix(".nc").name) if out is None else out
+    with output_file(name, force=force, inputs=(*sources, map), recognised=is_campaign_file) as target:
         campaign = import_files(sources, map)
         write_campaign(campaign, target)
     with progress_bar() as progress:
@@ -54,17 +56,22 @@ def import_(
     return report_campaign(campaign, target, as_json, warnings)
 
 
-def _report_map(sources: tuple[Path, ...], target: Path | None, as_json: bool) -> int:
+def _report_map(sources: tuple[Path, ...], target: Path | None, force: bool, as_json: bool) -> int:
     from mofit.data import propose_map
+    from mofit.workflows.proposed_map import write_map
 
+    picture = None
     if target is None:
         text = propose_map(sources)
     else:
-        with output_file(target, inputs=sources) as file:
-            text = propose_map(sources)
-            write_text(file, text)
+        picture = write_map(sources, target, force)
+        text = target.read_text(encoding="utf-8")
     if as_json:
-        print_json({"map": text, "file": str(target) if target else None})
+        files = {"file": str(target) if target else None, "picture": str(picture) if picture else None}
+        print_json({"map": text, **files})
+    elif target is None:
+        print(text, end="")
     else:
-        print(f"{target}: check it, then mofit import … --map {target}" if target else text, end="\n" if target else "")
+        seen = f" and look at {picture}" if picture else ""
+        print(f"{target}: check it{seen}, then mofit import … --map {target}")
     return DONE

@@ -82,6 +82,18 @@ def load(path: str | Path) -> tuple[Campaign | None, list[Issue]]:
     return Campaign(title, source, conditions, tuple(measurements), attributes, units), issues
 
 
+def is_campaign_file(path: Path) -> bool:
+    """Whether a file says that it is a campaign, of whatever version."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            schema = file.attrs.get("schema", b"")
+            return (schema if isinstance(schema, bytes) else str(schema).encode()).startswith(b"mofit.campaign/")
+    except OSError:
+        return False
+
+
 def write_campaign(campaign: Campaign, path: str | Path) -> None:
     """Write a campaign file, atomically.
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data.campaign import Campaign, Experiment, Measurement
+from mofit.quantities import known_unit
 
 #: Periods in which the amplitude grows, and steady ones after them.
 _RAMP, _STEADY = 2, 4
@@ -20,6 +23,8 @@ def sine_tests(
     standard_deviation: FloatArray,
     *,
     stroke: float = 1e-3,
+    channels: tuple[str, str] = ("displacement", "force"),
+    names: Sequence[str] = (),
     title: str = "dynamic moduli",
     seed: int = 0,
 ) -> Campaign:
@@ -37,13 +42,17 @@ def sine_tests(
     Parameters
     ----------
     frequency
-        In Hz, shape (n,), all different.
+        In Hz, shape (n,).
     storage, loss
         Dynamic stiffness k', k'' in N/m; of a bar of modulus E, :math:`E A / l`. Shape (n,).
     standard_deviation
         Of both in N/m, shape (n,); stationary noise is the same in both phases.
     stroke
-        Amplitude in m.
+        Amplitude in m; of a strain a number.
+    channels
+        Names of input and output: of moduli in Pa ``("strain", "stress")``.
+    names
+        Of the tests, shape (n,); by default ``sine_<f>Hz``.
     title
         Of the campaign.
     seed
@@ -52,7 +61,7 @@ def sine_tests(
     Returns
     -------
     Campaign
-        Tests named ``sine_<f>Hz`` with the channels ``displacement`` and ``force``.
+        One test per frequency, with these channels.
     """
     rng = np.random.default_rng(seed)
     phase = 2 * np.pi * np.arange((_RAMP + _STEADY) * _SAMPLES) / _SAMPLES
@@ -61,20 +70,22 @@ def sine_tests(
     slope = 30 * share**2 * (1 - share) ** 2 / (2 * np.pi * _RAMP)
     # the derivative of -growth cos: its integral has no mean
     sine, cosine = growth * np.sin(phase) - slope * np.cos(phase), growth * np.cos(phase)
+    units = {name: known_unit(name) or "1" for name in channels}
     measurements = []
-    for f, k1, k2, sd in zip(frequency, storage, loss, standard_deviation, strict=True):
+    labels = names or [f"sine_{f:.4g}Hz" for f in frequency]
+    for name, f, k1, k2, sd in zip(labels, frequency, storage, loss, standard_deviation, strict=True):
         noise = sd * stroke * np.sqrt(_STEADY * _SAMPLES / 2) * _without_fundamental(rng.standard_normal(len(phase)))
         experiment = Experiment(
-            name=f"sine_{f:.4g}Hz",
+            name=name,
             kind="sine",
             time=phase / (2 * np.pi * f),
-            inputs={"displacement": stroke * sine},
+            inputs={channels[0]: stroke * sine},
             frequency=float(f),
             amplitude=stroke,
             transient=_RAMP / float(f),
         )
         force = stroke * (k1 * sine + k2 * cosine) + noise
-        measurements.append(Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"}))
+        measurements.append(Measurement(experiment, {channels[1]: force}, units))
     return Campaign(title, "measured", {}, tuple(measurements))
 
 

@@ -18,13 +18,13 @@ from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
+from mofit.identification.inputs import as_effect
 from mofit.models import (
     Effect,
     Model,
     build_system,
     drifts_of,
     effect_names,
-    find_effect,
     incompatibility,
     with_effects,
 )
@@ -104,7 +104,9 @@ def ranged(
     return own if parameters == tuple(own.parameters) else with_parameters(own, parameters)
 
 
-def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) -> tuple[list[Effect], dict[str, str]]:
+def choose_effects(
+    model: Model, campaign: Campaign, names: Sequence[str | Effect] = ()
+) -> tuple[list[Effect], dict[str, str]]:
     """Effects that the model and the tests admit, and why each of the others is left out.
 
     Parameters
@@ -112,26 +114,30 @@ def choose_effects(model: Model, campaign: Campaign, names: Sequence[str] = ()) 
     model, campaign
         The model without effects, and the tests that are used.
     names
-        Shipped names or ``path/to/file.py:Name``. Files join the shipped effects; if a shipped name is given, only
-        the named effects take part.
+        Shipped names, ``path/to/file.py:Name``, or effects. Effects and files join the shipped effects; if a shipped
+        name is given, only the named effects take part.
 
     Raises
     ------
     InputError
         If a named effect is unknown or does not fit.
     """
-    own = [name for name in names if name.partition(":")[0].endswith(".py")]
+    own = [name for name in names if not isinstance(name, str) or name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
     chosen, left_out = [], {}
     for name in (*(only or (*effect_names(), *drifts_of(model))), *own):
-        effect = find_effect(name).for_tests(stated_conditions(campaign))
+        effect = as_effect(name).for_tests(stated_conditions(campaign))
         present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
         reason = "the model has it already" if present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
             reason = f"{issues[0].where}: {issues[0].message}"
         reason = _out_of_reach(model, effect) if reason is None else reason
         if reason is not None and name in names:
-            raise InputError.of(f"effect '{name}'", reason, "Leave it out, or choose another model")
+            raise InputError.of(
+                f"effect '{name if isinstance(name, str) else name.name}'",
+                reason,
+                "Leave it out, or choose another model",
+            )
         if reason is not None:
             left_out[effect.name] = reason
         elif effect.candidate or name in names:

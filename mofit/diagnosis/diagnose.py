@@ -28,7 +28,7 @@ from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
 from mofit.identification.conditions import with_laws_of_conditions
 from mofit.identification.held_out import of_conditions, remaining_tests, without_held_out
-from mofit.identification.inputs import as_campaign, as_model, as_names
+from mofit.identification.inputs import as_campaign, as_effects, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
 from mofit.runtime.parallel import processor_time
@@ -42,7 +42,7 @@ from mofit.simulation.ranges import data_scales, with_parameters
 def diagnose(
     campaign: Campaign | str | Path,
     model: Model | str,
-    effects: str | Sequence[str] = (),
+    effects: Effect | str | Sequence[Effect | str] = (),
     settings: Settings | None = None,
     *,
     tests: str | Sequence[str] = (),
@@ -60,8 +60,8 @@ def diagnose(
     model
         The model without effects, or its name: a shipped one's, or ``path/to/file.py:Name``.
     effects
-        Name or names of candidates: all shipped ones that fit if none is named; files (``path/to/file.py:Name``) join
-        them.
+        Candidates or their names: all shipped ones that fit if none is named; effects and files
+        (``path/to/file.py:Name``) join them.
     settings
         Bounds, fixed parameters, scopes, seed, threads; the rest is for identifications. Bounds and scopes may be those
         of effects, too.
@@ -89,7 +89,7 @@ def diagnose(
     build_system(model)  # what is wrong with it is told before anything else
     with evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask):
         return _diagnosed(
-            campaign, model, as_names(effects), settings, as_names(tests),
+            campaign, model, as_effects(effects), settings, as_names(tests),
             of_conditions(campaign, as_names(hold_out)), rules, simulators,
             progress, began,
         )  # fmt: skip
@@ -98,7 +98,7 @@ def diagnose(
 def _diagnosed(
     campaign: Campaign,
     model: Model,
-    effects: Sequence[str],
+    effects: Sequence[Effect | str],
     settings: Settings,
     tests: Sequence[str],
     hold_out: Sequence[str],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mofit.data import Campaign, read_campaign
 from mofit.errors import InputError
-from mofit.models import Model, find_model
+from mofit.models import Effect, Model, find_effect, find_model
 
 
 def as_campaign(given: Campaign | str | Path) -> Campaign:
@@ -40,6 +40,29 @@ def as_model(given: Model | type[Model] | str) -> Model:
     if isinstance(given, type) and issubclass(given, Model):
         return given()
     raise InputError.of("model", f"is a {type(given).__name__}", "Give a model, its name, or path/to/file.py:Name")
+
+
+def as_effect(given: Effect | type[Effect] | str) -> Effect:
+    """An effect, or the one of a name: a shipped one's, ``path/to/file.py:Name``, or ``start:STATE``.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name, or this is neither.
+    """
+    if isinstance(given, Effect):
+        return given
+    if isinstance(given, str):
+        return find_effect(given)
+    if isinstance(given, type) and issubclass(given, Effect):
+        return given()
+    raise InputError.of("effect", f"is a {type(given).__name__}", "Give an effect, its name, or path/to/file.py:Name")
+
+
+def as_effects(given: Effect | type[Effect] | str | Sequence[Effect | str]) -> tuple[Effect | str, ...]:
+    """One effect or several, or their names, each once."""
+    one = isinstance(given, str | Effect | type)
+    return (given,) if one else tuple(dict.fromkeys(given))  # type: ignore[return-value, arg-type]
 
 
 def as_names(given: str | Sequence[str]) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,6 +16,10 @@ from mofit.runtime.names import named_path, shortened
 PAGE_MARK = '<meta name="generator" content="mofit">'
 #: What a plan that mofit proposes begins with.
 PLAN_MARK = "# Proposed by mofit design"
+#: What a map that mofit proposes begins with.
+MAP_MARK = "# Proposed by mofit import"
+#: What a picture of mofit has in its head.
+PICTURE_MARK = "Software of this picture: mofit"
 #: What pages had in its place before.
 _EARLIER_MARK = '<link rel="icon" href="data:,">'
 #: Bytes of a file in which the mark is looked for.
@@ -24,7 +28,12 @@ _HEAD = 4096
 
 @contextmanager
 def output_file(
-    target: str | Path, option: str = "--out", *, force: bool | None = None, inputs: Sequence[Path] = ()
+    target: str | Path,
+    option: str = "--out",
+    *,
+    force: bool | None = None,
+    inputs: Sequence[Path] = (),
+    recognised: Callable[[Path], bool] | None = None,
 ) -> Iterator[Path]:
     """Claim a file that is written at the end of the block.
 
@@ -36,6 +45,8 @@ def output_file(
         Whether a file that mofit has made may be replaced; None where the command has no such option.
     inputs
         Files that the command reads: they are never replaced.
+    recognised
+        Whether mofit has made a file that bears no mark in its head.
 
     Raises
     ------
@@ -44,7 +55,7 @@ def output_file(
     """
     path = named_path(target, option)
     where = f"{option} {shortened(path)}"
-    _may_be_replaced(path, where, option, force, inputs)
+    _may_be_replaced(path, where, option, force, inputs, recognised)
     if not path.parent.is_dir():
         raise InputError.of(where, "its folder does not exist", "Make the folder first")
     lock = path.with_name(f".{path.name}.lock")
@@ -55,13 +66,20 @@ def output_file(
     except OSError as error:
         raise unwritable(where, error) from None
     try:
-        _may_be_replaced(path, where, option, force, inputs)  # another process may just have finished it
+        _may_be_replaced(path, where, option, force, inputs, recognised)  # another process may just have finished it
         yield path
     finally:
         held.release()
 
 
-def _may_be_replaced(path: Path, where: str, option: str, force: bool | None, inputs: Sequence[Path]) -> None:
+def _may_be_replaced(
+    path: Path,
+    where: str,
+    option: str,
+    force: bool | None,
+    inputs: Sequence[Path],
+    recognised: Callable[[Path], bool] | None,
+) -> None:
     if not os.path.lexists(path):
         return
     other = f"Name another with {option}" if option.startswith("--") else "Rename it"
@@ -69,7 +87,7 @@ def _may_be_replaced(path: Path, where: str, option: str, force: bool | None, in
         raise InputError.of(where, "is an input of this command", other)
     if force is None:
         raise InputError.of(where, "exists already", f"{other}, or remove it")
-    if not _made_here(path):
+    if not (recognised or _made_here)(path):
         raise InputError.of(where, "exists already, and mofit has not made it", other)
     if not force:
         raise InputError.of(where, "exists already", f"{other}, or replace it with --force")
@@ -82,4 +100,4 @@ def _made_here(path: Path) -> bool:
             head = file.read(_HEAD)
     except OSError:
         return False
-    return any(mark.encode() in head for mark in (PAGE_MARK, PLAN_MARK, _EARLIER_MARK))
+    return any(mark.encode() in head for mark in (PAGE_MARK, PLAN_MARK, MAP_MARK, PICTURE_MARK, _EARLIER_MARK))

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mofit.data import Campaign, bundled_campaign, joined, read_campaign
+from mofit.data import Campaign, bundled_campaign, joined
 from mofit.errors import InputError
 from mofit.identification.identify import Settings, identify
-from mofit.models import Model, default_model, find_effect, find_model, with_effects
+from mofit.identification.inputs import as_campaign, as_effect, as_model
+from mofit.models import Effect, Model, default_model, with_effects
 from mofit.quantities import EXCITATION_KINDS
 from mofit.results import summary
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import run_folder
 from mofit.simulation.requirements import stated_conditions
 
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from mofit.diagnosis.result import Diagnosis
+
+#: a campaign or several, or their files
+Campaigns = Campaign | str | Path | Sequence[Campaign | str | Path]
 #: Relative difference between a frequency that a user writes and that of a test.
 FREQUENCY_TOLERANCE = 1e-3
 
@@ -25,12 +34,13 @@ FREQUENCY_TOLERANCE = 1e-3
 class Job:
     """An identification or a diagnosis in a user's words."""
 
-    file: Path | None = None
-    """Campaign file; None means the bundled campaign."""
-    model: str | None = None
-    effects: tuple[str, ...] = ()
-    """Names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide. A diagnosis
-    takes the effects as candidates."""
+    campaign: Campaigns = ()
+    """Campaign, or its file; the tests of several are one campaign, each under the conditions of its own. None at all
+    means the bundled campaign."""
+    model: Model | str | None = None
+    effects: tuple[Effect | str, ...] = ()
+    """Objects, names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide. A
+    diagnosis takes the effects as candidates."""
     frequencies: tuple[float, ...] = ()
     tests: tuple[str, ...] = ()
     """Frequencies (Hz) and names of the tests to use; all that the model can use where both are empty."""
@@ -42,58 +52,78 @@ class Job:
     """Resume an interrupted identification."""
     hold_out: tuple[str, ...] = ()
     """Tests that are not used, but predicted."""
-    included: tuple[str, ...] = ()
+    included: tuple[Effect | str, ...] = ()
     """Effects that are part of the model that a diagnosis takes."""
-    more: tuple[Path, ...] = ()
-    """More campaign files: the tests of all are one campaign, each under the conditions of its own."""
+
+
+def identified(job: Job, progress: Progress = silent) -> tuple[Path, xr.DataTree]:
+    """Read, identify, write the run folder and its report; returns the folder and the result."""
+    campaign, chosen = _inputs(job, progress)
+    model = _with_effects(chosen, job.effects, campaign)
+    return identify(
+        campaign, model, job.settings, tests=_tests(campaign, model, job), hold_out=job.hold_out, out=job.out,
+        resume=job.resume, progress=progress,
+    )  # fmt: skip
 
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
-    """Read, identify, write the run folder and its report; returns the folder and what ``--json`` prints."""
-    campaign, chosen = _inputs(job, progress)
-    model = _with_effects(chosen, job.effects, campaign)
-    tests = _tests(campaign, model, job)
-    folder, tree = identify(
-        campaign, model, job.settings, tests=tests, hold_out=job.hold_out, out=job.out, resume=job.resume,
-        progress=progress,
-    )  # fmt: skip
+    """As `identified`; returns the folder and what ``--json`` prints."""
+    folder, tree = identified(job, progress)
     return folder, summary(tree, folder)
 
 
-def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
-    """Read, diagnose, write page and ``diagnosis.json``; returns the folder and what ``--json`` prints."""
+def diagnosed(job: Job, progress: Progress = silent, *, written: bool = True) -> tuple[Path | None, Diagnosis]:
+    """Read and diagnose; if ``written``, page and ``diagnosis.json`` are in the folder."""
     from mofit.diagnosis.diagnose import diagnose
     from mofit.diagnosis.page_beside import page_beside
-    from mofit.diagnosis.result import summary as plain
 
     campaign, chosen = _inputs(job, progress)
     model = _with_effects(chosen, job.included, campaign)
-    effects, seed = list(job.effects), job.settings.seed
+    effects, seed, tests = [_named(effect) for effect in job.effects], job.settings.seed, _tests(campaign, model, job)
+    run = partial(
+        diagnose, campaign, model, job.effects, job.settings, tests=tests, hold_out=job.hold_out, progress=progress
+    )
+    if not written:
+        return None, run()
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
     configuration |= {"hold_out": list(job.hold_out)} if job.hold_out else {}
-    tests = _tests(campaign, model, job)
     place = run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False)
     with place as folder, page_beside() as drawn:
-        found = diagnose(campaign, model, effects, job.settings, tests=tests, hold_out=job.hold_out, progress=progress)
+        found = run()
         progress("write", 0, 1, "page")
         drawn(found, folder.partial)
-    return folder.target, plain(found)
+    return folder.target, found
 
 
-def _with_effects(model: Model, names: Sequence[str], campaign: Campaign) -> Model:
+def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
+    """As `diagnosed`; returns the folder and what ``--json`` prints."""
+    from mofit.diagnosis.result import summary as plain
+
+    folder, found = diagnosed(job, progress)
+    assert folder is not None
+    return folder, plain(found)
+
+
+def _named(effect: Effect | str) -> str:
+    return effect if isinstance(effect, str) else effect.name
+
+
+def _with_effects(model: Model, effects: Sequence[Effect | str], campaign: Campaign) -> Model:
     """The model with effects as the campaign's conditions ask for them."""
     stated = stated_conditions(campaign)
-    return with_effects(model, *(find_effect(name).for_tests(stated) for name in names))
+    return with_effects(model, *(as_effect(effect).for_tests(stated) for effect in effects))
 
 
 def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:
     """Campaign and model, without effects; by default the model that fits the campaign's channels."""
-    if job.file is None:
+    if not job.campaign:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
-    files = [bundled_campaign() if job.file is None else job.file, *job.more]
-    campaign = joined([read_campaign(file) for file in files], [file.stem for file in files])
-    if job.model:
-        return campaign, find_model(job.model)
+    given = job.campaign or bundled_campaign()
+    several = [given] if isinstance(given, Campaign | str | Path) else list(given)
+    names = [one.title if isinstance(one, Campaign) else Path(one).stem for one in several]
+    campaign = joined([as_campaign(one) for one in several], names)
+    if job.model is not None:
+        return campaign, as_model(job.model)
     return campaign, default_model(name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs))
 
 

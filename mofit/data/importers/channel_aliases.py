@@ -30,6 +30,13 @@ TIME = (
     "zeitstempel",
     "datumzeit",
     "datumuhrzeit",
+    "progtime",
+    "testtime",
+    "totaltime",
+    "runningtime",
+    "times",
+    "messzeit",
+    "steptime",
 )
 _TYRE = {
     "slip_angle": "slipangl slipangle alpha alfa sa slip sideslip sideslipangle schraglaufwinkel schrag α steer "
@@ -101,6 +108,11 @@ FAMILIES = (
         ("strain", "stress"), {"strain": "strain epsilon eps dehnung ε", "stress": "stress sigma spannung σ"}, _STATE
     ),
     Family(
+        ("current", "voltage"),
+        {"current": _STATE["current"], "voltage": "voltage u v ucell cellvoltage spannung klemmenspannung"},
+        {"temperature": _STATE["temperature"]},
+    ),
+    Family(
         ("input_voltage", "output_voltage"),
         {
             "input_voltage": "inputvoltage vin uin u input v1 ch1 drive",
@@ -114,6 +126,8 @@ FAMILIES = (
 _WITH_UNIT = (r"(.+?)\s*\[(.*)\]", r"(.+?)\s*\((.*)\)", r"(.+?)\s+in\s+(\S+)", r"(.+?)\s*/\s*(\S+)")
 #: longest header that is parsed: the patterns need quadratic time
 _LONGEST = 200
+#: SI units of what is no channel or condition that mofit knows
+_MORE_UNITS = {"time": "s", "voltage": "V", "frequency": "Hz"}
 _PLAIN_LETTERS = str.maketrans("äöüéè", "aouee")
 
 
@@ -138,6 +152,8 @@ def read_unit(unit: str, quantity: str) -> str | None:
     Of several readings that which fits the quantity is taken: ``KN`` is a kilonewton for a force, not a knot.
     """
     unit = unit.strip()
+    if unit in ("C", "c") and known_unit(quantity) == "K":
+        return "degC"  # no coulomb
     tries = (unit, unit[:1].lower() + unit[1:], unit.lower(), unit[:1].lower() + unit[1:].upper(), unit.upper())
     readings = [normal(text) for text in tries if text and is_unit(text)]
     return next((text for text in readings if fits(quantity, text)), readings[0] if readings else None)
@@ -150,8 +166,9 @@ def key(name: str) -> str:
 
 
 def fits(quantity: str, unit: str | None) -> bool:
-    """Whether a unit can be one of the quantity; an unknown one may be any."""
+    """Whether a unit can be one of the quantity; an unknown one may be any, and one of an unknown quantity, too."""
+    wanted = known_unit(quantity) or _MORE_UNITS.get(quantity)
     try:
-        return unit is None or si_unit(unit) == (known_unit(quantity) or "s")
+        return unit is None or wanted is None or si_unit(unit) == wanted
     except UnitError:
         return False

@@ -29,6 +29,20 @@ class ColumnMap(Strict):
     sample_rate: Quantity | None = None
 
 
+class ModuliMap(Strict):
+    """Columns of a table of dynamic moduli (DMA), a row per frequency.
+
+    ``storage`` and ``loss`` are stiffnesses (N/m) or moduli (Pa). ``deviation`` is the relative standard deviation of
+    both.
+    """
+
+    frequency: ColumnMap
+    storage: ColumnMap
+    loss: ColumnMap
+    temperature: ColumnMap | None = None
+    deviation: float = Field(gt=0.0, lt=1.0)
+
+
 class TestMap(Strict):
     """One test, or with ``pattern`` one for every file whose whole name matches.
 
@@ -36,7 +50,8 @@ class TestMap(Strict):
     stands for the decimal point in file names. With ``records`` it is one test for every record inside the file whose
     whole name matches. A condition that is a column is its mean. With ``resample`` the record is brought to that rate,
     and every stretch without gaps becomes a test; a gap is longer than ``max_gap``. Without, a record with ``gaps`` is
-    refused. In both cases its ``longest`` stretch may be the only test.
+    refused. In both cases its ``longest`` stretch may be the only test. With ``moduli`` the file is no record but a
+    table, and every row becomes a sine test.
     """
 
     renamed: ClassVar[Mapping[str, str]] = {"hold": "interpolation"}
@@ -60,6 +75,7 @@ class TestMap(Strict):
     channels: dict[str, ColumnMap] = Field(default_factory=dict)
     time: ColumnMap | None = None
     sample_rate: Quantity | None = None
+    moduli: ModuliMap | None = None
 
     @field_validator("rows")
     @classmethod
@@ -72,7 +88,7 @@ class TestMap(Strict):
     def _one_file(self) -> TestMap:
         if (self.file is None) == (self.pattern is None):
             raise ValueError("give either 'file' or 'pattern'")
-        if (self.time is None) == (self.sample_rate is None):
+        if self.moduli is None and (self.time is None) == (self.sample_rate is None):
             raise ValueError("give either 'time' or 'sample_rate'")
         if self.max_gap is not None and self.resample is None:
             raise ValueError("'max_gap' needs 'resample'")

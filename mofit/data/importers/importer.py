@@ -13,6 +13,7 @@ from mofit.data.campaign import Campaign, Experiment, Measurement
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.expansion import expanded
 from mofit.data.importers.import_map import TestMap, read_map
+from mofit.data.importers.moduli import moduli_tests
 from mofit.data.importers.record import read_conditions, read_record
 from mofit.data.importers.stretches import Stretch, stretches
 from mofit.data.importers.table import read_table, source_files
@@ -44,6 +45,9 @@ def import_files(sources: Sequence[Path], map_path: Path, contained: Contained |
         load = cache(partial(read_table, contained=contained))
         for test, table in expanded(plan.tests, files, load, issues):
             with collected(issues):
+                if test.moduli is not None:
+                    measurements += moduli_tests(test, test.moduli, table, conditions)
+                    continue
                 record = read_record(test, table, conditions)
                 units |= record.condition_units
                 found = stretches(test, record)

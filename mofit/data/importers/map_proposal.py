@@ -1,23 +1,23 @@
-"""A map proposed from the names and units of a file's columns: a draft for the user to check."""
+"""A map proposed from the names, units and shapes of a file's columns: a draft for the user to check."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from mofit._typing import FloatArray
 from mofit.data.importers.alike_records import alike_records, record_pattern
-from mofit.data.importers.channel_aliases import FAMILIES, TIME, Family, fits, key, name_and_unit, read_unit
+from mofit.data.importers.channel_aliases import TIME, key
+from mofit.data.importers.channel_proposal import Channels, Guess, find, find_channels, find_time, sample_rate
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.registry import known_endings
 from mofit.data.importers.table import Table, read_table, source_files
 from mofit.data.validation import time_issues, usual_rate
 from mofit.errors import InputError, Issue, collected
-from mofit.quantities import known_unit
+from mofit.runtime.output_file import MAP_MARK
 from mofit.runtime.toml import toml_value
 from mofit.units import to_si
 
@@ -25,29 +25,54 @@ from mofit.units import to_si
 STEADY = 0.2
 #: share of an input's variance that a sine must explain
 SINE_SHARE = 0.95
+#: columns that are listed as not used
+_LISTED = 40
+#: names of the columns of a table of dynamic moduli
+_MODULI = {
+    "frequency": ("f", "freq", "frequency", "frequenz"),
+    "storage": ("estor", "estorage", "storage", "storagemodulus", "gstor", "gstorage", "kstor", "speichermodul"),
+    "loss": ("eloss", "loss", "lossmodulus", "gloss", "kloss", "verlustmodul"),
+    "temperature": ("t", "temp", "temperature", "temperatur"),
+}
 
 
-@dataclass(frozen=True)
-class Guess:
-    """A column taken for a quantity, with a remark on how its unit was found."""
+@dataclass(frozen=True, eq=False)
+class ProposedTest:
+    """A test that was found in a table, for a picture: what became of its columns."""
 
-    column: str
-    unit: str
-    remark: str
+    name: str
+    table: Table
+    time: Guess | None
+    channels: Mapping[str, Guess]
+    remarks: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class MapProposal:
+    """Text of a map file (TOML), and the tests in it that are records; of alike records the first."""
+
+    text: str
+    tests: Sequence[ProposedTest]
 
 
 def propose_map(sources: Sequence[Path], contained: Contained | None = None) -> str:
-    """A map file (TOML) for these files: one test per file.
+    """A map file (TOML) for these files; raises as `map_proposal`, whose text it is."""
+    return map_proposal(sources, contained).text
+
+
+def map_proposal(sources: Sequence[Path], contained: Contained | None = None) -> MapProposal:
+    """A map file (TOML) for these files: one test per file, or more where a file holds several records.
 
     Names are compared with `mofit.data.importers.channel_aliases`; a column whose unit does not fit is skipped. Where
-    the file has no unit, the size of the values decides. Files in which no input and output are found are left out.
-    Comments report both. The ``sources`` are files, and folders of files. Formats that a library parses are read by
-    ``contained``, by default a process for this proposal.
+    no names fit, the units decide, and then the shapes (`mofit.data.importers.shapes`). Where the file has no unit, the
+    size of the values decides. Files in which no input and output are found are left out. Comments report all this.
+    The ``sources`` are files, and folders of files. Formats that a library parses are read by ``contained``, by default
+    a process for this proposal.
 
     Raises
     ------
     InputError
-        If there is no file of a known format, or none in which input and output are found; lists the columns.
+        If there is no file of a known format, or none in which input and output are found.
     """
     files = source_files([Path(source) for source in sources])
     endings = known_endings()
@@ -55,18 +80,23 @@ def propose_map(sources: Sequence[Path], contained: Contained | None = None) -> 
     if not chosen:
         raise InputError.of("--guess", "no file of a known format", f"Give files that end in {', '.join(endings)}")
     title = Path(sources[0]).stem.replace("_", " ") if len(sources) == 1 else "My specimen"
-    # values that overflow are not used
     lines: list[str] = []
+    tests: list[ProposedTest] = []
     skipped: list[Issue] = []
+    # values that overflow are not used
     with np.errstate(all="ignore"), nullcontext(contained) if contained else Contained() as contained:
         for name, path in sorted(chosen.items()):
             with collected(skipped):
-                lines += _test(name, read_table(path, contained))
+                lines += _tests(name, read_table(path, contained), tests)
     if not lines:
         raise InputError(skipped)
-    head = [f"title = {toml_value(title)}", 'source = "measured"', "# a proposal: check every line before you import"]
+    head = [
+        f"{MAP_MARK} --guess: check every line before you import",
+        f"title = {toml_value(title)}",
+        'source = "measured"',
+    ]
     notes = [f"# skipped: {_line(issue.where)}: {_line(issue.message)}" for issue in skipped]
-    return "\n".join([*head, "", *notes, *lines])
+    return MapProposal("\n".join([*head, "", *notes, *lines]), tests)
 
 
 def _line(text: str) -> str:
@@ -81,16 +111,28 @@ def _name(file: Path) -> str:
     return file.name.replace(".", "_")
 
 
-def _test(file: str, table: Table) -> Iterator[str]:
-    """Lines of one test, or of one per record where the file has several alike."""
-    alike = alike_records(table)
-    table = table.record(alike[0]) if alike else table
-    family, channels = _channels(table)
-    rows = len(table.column(channels[family.needed[0]].column))
-    time = _find(table, "time", TIME, rows)
-    driver = channels[family.needed[0]]
-    procedure, frequency = _procedure(table, time, driver)
+def _tests(file: str, table: Table, tests: list[ProposedTest]) -> list[str]:
+    """Lines of all tests of a file; what they take is added to the tests."""
     name = _name(Path(file))
+    if moduli := _moduli(table):
+        return list(_moduli_test(name, file, moduli))
+    alike = alike_records(table)
+    if alike:
+        table = table.record(alike[0])
+    lines: list[str] = []
+    for channels in find_channels(table):
+        own = f"{name}_{channels.name}" if channels.name else name
+        time = find_time(table, len(table.column(channels.driver.column)))
+        tests.append(ProposedTest(own, table, time, channels.found, channels.remarks))
+        lines += _test(own, file, table, channels, time, alike)
+    return lines
+
+
+def _test(
+    name: str, file: str, table: Table, channels: Channels, time: Guess | None, alike: Sequence[str]
+) -> Iterator[str]:
+    """Lines of one test, or of one per record where the file has several alike."""
+    procedure, frequency = _procedure(table, time, channels.driver)
     pattern, groups = record_pattern(alike)
     yield from ("[[tests]]", f"name = {toml_value('_'.join([name, *(f'{{{group}}}' for group in groups)]))}")
     yield f"file = {toml_value(file)}"
@@ -99,25 +141,48 @@ def _test(file: str, table: Table) -> Iterator[str]:
     yield f'procedure = "{procedure}"'
     if frequency:
         yield f'frequency = "{frequency:.4g} Hz"  # from the input; amplitude = "…" may be added'
-    if time is None:
-        yield 'time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"'
-    else:
+    if time is not None:
         yield f"time = {_entry(time)}"
         yield from _resample(table, time)
         if others := _other_times(table, time):
             yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
-    yield from ("", "[tests.channels]", *(f"{name} = {_entry(found)}" for name, found in channels.items()))
+    elif rate := sample_rate(table):
+        yield f'sample_rate = "{rate}"  # no time column: from a constant of the file'
+    else:
+        yield 'time = { column = "?", unit = "s" }  # no time column found: name it, or give sample_rate = "… Hz"'
+    yield from ("", "[tests.channels]", *(f"{name} = {_entry(found)}" for name, found in channels.found.items()))
     conditions = {
         name: found
-        for name, words in family.conditions.items()
-        if (found := _find(table, name, words.split(), None, {g.column for g in channels.values()}))
+        for name, words in channels.conditions.items()
+        if (found := find(table, name, words.split(), None, {g.column for g in channels.found.values()}))
     }
     if conditions:
         yield from ("", "[tests.conditions]", *(_condition(table, name, found) for name, found in conditions.items()))
-    used = {g.column for g in (*channels.values(), *conditions.values(), *([time] if time else []))}
-    if unused := [name for name in table.columns if name not in used]:
-        yield f"# not used: {', '.join(toml_value(name) for name in unused[:40])}"
+    used = {g.column for g in (*channels.found.values(), *conditions.values(), *([time] if time else []))}
+    for column, remark in channels.remarks.items():
+        if column not in used:
+            yield f"# not used: {toml_value(column)}, {_line(remark)}"
+    unused = [name for name in table.columns if name not in used and name not in channels.remarks]
+    if unused:
+        more = f" and {len(unused) - _LISTED} more" if len(unused) > _LISTED else ""
+        yield f"# not used: {', '.join(toml_value(name) for name in unused[:_LISTED])}{more}"
     yield ""
+
+
+def _moduli(table: Table) -> dict[str, Guess]:
+    """Columns of a table of dynamic moduli; empty if it is none."""
+    found: dict[str, Guess] = {}
+    for name, words in _MODULI.items():
+        if guess := find(table, name, words, None, {g.column for g in found.values()}):
+            found[name] = guess
+    return found if {"frequency", "storage", "loss"} <= set(found) else {}
+
+
+def _moduli_test(name: str, file: str, found: Mapping[str, Guess]) -> Iterator[str]:
+    yield from ("[[tests]]", f"name = {toml_value(name)}", f"file = {toml_value(file)}", 'procedure = "sine"', "")
+    yield "[tests.moduli]  # a table of dynamic moduli: every row becomes a sine test"
+    yield from (f"{key} = {_entry(guess)}" for key, guess in found.items())
+    yield from ("deviation = 0.01  # relative standard deviation of both moduli: state yours", "")
 
 
 def _other_times(table: Table, time: Guess) -> list[str]:
@@ -128,70 +193,6 @@ def _other_times(table: Table, time: Guess) -> list[str]:
         for name, values in table.columns.items()
         if key(name) in TIME and len(values) == len(own) and not np.array_equal(values, own, equal_nan=True)
     ]
-
-
-def _channels(table: Table) -> tuple[Family, dict[str, Guess]]:
-    for family in FAMILIES:
-        found: dict[str, Guess] = {}
-        rows: int | None = None
-        for name, words in family.spellings.items():
-            guess = _find(table, name, words.split(), rows, {g.column for g in found.values()})
-            if guess:
-                found[name] = guess
-                rows = len(table.column(guess.column))
-        if set(family.needed) <= set(found):
-            return family, found
-    columns = ", ".join(f"{name} [{table.units.get(name, '?')}]" for name in list(table.columns)[:40])
-    hint = "Write the map by hand (docs/campaigns.md), or name the columns like 'slip_angle' and 'lateral_force'"
-    raise InputError([Issue(f"file '{table.name}'", f"no input and output found among its columns: {columns}", hint)])
-
-
-def _find(
-    table: Table, quantity: str, words: Sequence[str], rows: int | None, taken: set[str] | frozenset[str] = frozenset()
-) -> Guess | None:
-    """The column spelt the most usual way, of this length, whose unit fits; constants are no channels."""
-    wanted = {quantity.replace("_", ""): -1, **{word: rank for rank, word in reversed(list(enumerate(words)))}}
-    ranked = []
-    for order, (column, values) in enumerate(table.columns.items()):
-        name, unit = name_and_unit(column, quantity)
-        if given := table.units.get(column):
-            unit = read_unit(given, quantity) or given
-        rank = min((wanted[k] for k in (key(name), key(column)) if k in wanted), default=None)
-        long_enough = len(values) == rows if rows else len(values) > 1 or quantity in _SIZES
-        if rank is not None and long_enough and column not in taken and fits(quantity, unit):
-            ranked.append((rank, order, column, unit))
-    if not ranked:
-        return None
-    _, _, column, unit = min(ranked)
-    if unit:
-        return Guess(column, unit, "")
-    return Guess(column, _likely(quantity, table.column(column)), "unit guessed from the values: check it")
-
-
-#: unit by size: the first whose limit the values stay below
-_SIZES: Mapping[str, tuple[tuple[float, str], ...]] = {
-    "slip_angle": ((0.55, "rad"), (np.inf, "deg")),
-    "camber_angle": ((0.3, "rad"), (np.inf, "deg")),
-    "angle": ((7.0, "rad"), (np.inf, "deg")),
-    "slip_ratio": ((1.5, "1"), (np.inf, "%")),
-    "lateral_displacement": ((0.3, "m"), (np.inf, "mm")),
-    "displacement": ((0.5, "m"), (np.inf, "mm")),
-    "longitudinal_displacement": ((0.3, "m"), (np.inf, "mm")),
-    "longitudinal_force": ((30.0, "kN"), (np.inf, "N")),
-    "lateral_force": ((30.0, "kN"), (np.inf, "N")),
-    "vertical_force": ((30.0, "kN"), (np.inf, "N")),
-    "longitudinal_velocity": ((25.0, "m/s"), (np.inf, "km/h")),
-    "inflation_pressure": ((10.0, "bar"), (1500.0, "kPa"), (np.inf, "Pa")),
-    "dynamic_rolling_radius": ((3.0, "m"), (np.inf, "mm")),
-    "temperature": ((200.0, "degC"), (np.inf, "K")),
-    "current": ((np.inf, "A"),),
-    "time": ((np.inf, "s"),),
-}
-
-
-def _likely(quantity: str, values: FloatArray) -> str:
-    size = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-    return next((unit for limit, unit in _SIZES.get(quantity, ()) if size < limit), known_unit(quantity) or "1")
 
 
 def _procedure(table: Table, time: Guess | None, driver: Guess) -> tuple[str, float | None]:
@@ -230,5 +231,6 @@ def _condition(table: Table, name: str, found: Guess) -> str:
 
 
 def _entry(found: Guess) -> str:
-    entry = f"{{ column = {toml_value(found.column)}, unit = {toml_value(found.unit)} }}"
-    return f"{entry}  # {found.remark}" if found.remark else entry
+    role = f', role = "{found.role}"' if found.role else ""
+    entry = f"{{ column = {toml_value(found.column)}, unit = {toml_value(found.unit)}{role} }}"
+    return f"{entry}  # {_line(found.remark)}" if found.remark else entry

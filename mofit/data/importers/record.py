@@ -63,7 +63,7 @@ def read_record(test: TestMap, table: Table, shared: Mapping[str, float]) -> Rec
     for name, column in test.conditions.items():
         if isinstance(column, ColumnMap):
             with collected(issues):
-                record.sensed[name], record.condition_units[name] = _column(test, "condition", column, name, table)
+                record.sensed[name], record.condition_units[name] = read_column(test, "condition", column, name, table)
                 _own_time(test, column, name, table, record)
     for name, column in test.channels.items():
         role = column.role or (CHANNELS[name].role if name in CHANNELS else None)
@@ -72,7 +72,7 @@ def read_record(test: TestMap, table: Table, shared: Mapping[str, float]) -> Rec
             issues.append(Issue(f"{where}, channel '{name}'", "has no role", hint))
             continue
         with collected(issues):
-            record.channels[role][name], record.units[name] = _column(test, "channel", column, name, table)
+            record.channels[role][name], record.units[name] = read_column(test, "channel", column, name, table)
             _own_time(test, column, name, table, record)
     input_unit = next((record.units[name] for name in record.channels["input"]), None)
     for key, unit in _UNITS.items():
@@ -82,7 +82,7 @@ def read_record(test: TestMap, table: Table, shared: Mapping[str, float]) -> Rec
     raise_errors(issues)
     rate = record.numbers.pop("sample_rate")
     if test.time is not None:
-        record.time, _ = _column(test, "channel", test.time, "time", table)
+        record.time, _ = read_column(test, "channel", test.time, "time", table)
     else:
         own = [len(values) for name, values in record.signals.items() if name not in record.times]
         record.time = np.arange(max(own, default=0)) / float(rate or 1.0)
@@ -92,15 +92,21 @@ def read_record(test: TestMap, table: Table, shared: Mapping[str, float]) -> Rec
 def _own_time(test: TestMap, column: ColumnMap, name: str, table: Table, record: Record) -> None:
     """Add the stamps of a column that has its own."""
     if column.time is not None:
-        record.times[name], _ = _column(test, f"time of '{name}', channel", column.time, "time", table)
+        record.times[name], _ = read_column(test, f"time of '{name}', channel", column.time, "time", table)
     elif column.sample_rate is not None:
         where = f"test '{test.name}', channel '{name}', sample_rate"
         rate, _ = parse_quantity(where, column.sample_rate, "Hz")
         record.times[name] = np.arange(len(record.signals[name])) / rate
 
 
-def _column(test: TestMap, what: str, column: ColumnMap, name: str, table: Table) -> tuple[FloatArray, str]:
-    """A column in the known unit of its quantity, or else in the SI unit of its own, and that unit."""
+def read_column(test: TestMap, what: str, column: ColumnMap, name: str, table: Table) -> tuple[FloatArray, str]:
+    """A column in the known unit of its quantity, or else in the SI unit of its own, and that unit.
+
+    Raises
+    ------
+    InputError
+        If there is no such column, or its unit is missing or does not fit; ``what`` says what it is wanted for.
+    """
     where = f"test '{test.name}', {what} '{name}'"
     unit = "s" if name == "time" else known_unit(name)
     values = table.column(column.column)

@@ -1,4 +1,4 @@
-"""Text tables: any usual delimiter, header or none, gzip or not."""
+"""Text tables: any usual delimiter, remarks, names and units above it or none, several blocks, gzip or not."""
 
 from __future__ import annotations
 
@@ -11,69 +11,76 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.data.importers.clock import clock_seconds, is_clock, joined
+from mofit.data.importers.clock import clock_seconds, joined
 from mofit.data.importers.registry import LIMITS, Columns, ImportFormat, ImportLimits
+from mofit.data.importers.text_blocks import LOOK, Block, Dialect, find_blocks, find_dialect
 from mofit.errors import InputError
-from mofit.units import is_unit
 
-_DELIMITERS = ("\t", ";", ",")
 _COMMENTS = ("#", "%")
-#: lines that the dialect is found from
-_LOOK = 50
 _MOST_COLUMNS = 20_000
 
 
 def text_columns(path: Path) -> Columns:
     """Columns of a text table by their header; without a header they are called "1", "2" and so on.
 
-    Delimiter (tabulator, semicolon, comma, white space), decimal sign and header lines are found from the first lines;
-    lines that begin with ``#`` or ``%`` are skipped. An empty or unreadable cell is NaN. A name that is used twice is
-    followed by its number: ``F (4)``. A second header line is taken for units if all its cells are. A column of date
-    and time becomes seconds since its first row.
+    Delimiter (tabulator, semicolon, comma, white space), decimal sign, names and units are found from the lines
+    (`mofit.data.importers.text_blocks`); remarks above are passed over, and so are lines that begin with ``#`` or
+    ``%``. An empty or unreadable cell is NaN. A name that is used twice is followed by its number: ``F (4)``. A clock
+    becomes seconds since its first row. Of several blocks the columns are ``block.1.F``, ``block.2.F`` and so on.
 
     Raises
     ------
     InputError
         If the file is damaged or holds no table of numbers.
     """
-    import pandas as pd  # heavy, and plans read nothing with it
-
     where = f"file '{path.name}'"
     lines = [line for line in file_text(path).splitlines() if line.strip() and not line.startswith(_COMMENTS)]
-    if any(joined(line) != line for line in lines[:_LOOK]):
+    if any(joined(line) != line for line in lines[:LOOK]):
         lines = [joined(line) for line in lines]
-    delimiter, decimal = _dialect(lines[:_LOOK])
-    rows = [_split(line, delimiter) for line in lines[:_LOOK]]
-    first = next((k for k, row in enumerate(rows) if _numeric(row, decimal)), None)
-    if first is None:
+    dialect = find_dialect(lines[:LOOK])
+    blocks = find_blocks(lines, dialect)
+    if not blocks:
         raise InputError.of(where, "holds no row of numbers", "Check that it is a text table")
-    if len(rows[first]) > _MOST_COLUMNS:
-        what = f"has {len(rows[first])} columns, more than {_MOST_COLUMNS}"
-        raise InputError.of(where, what, "Give one row per time stamp")
+    longer = [block for block in blocks if len(block.rows) > 1] or blocks[:1]
+    columns: dict[str, FloatArray] = {}
+    units: dict[str, str] = {}
+    for number, block in enumerate(longer, 1):
+        prefix = f"block.{number}." if len(longer) > 1 else ""
+        own, own_units = _block_columns(where, block, dialect)
+        columns |= {prefix + name: values for name, values in own.items()}
+        units |= {prefix + name: unit for name, unit in own_units.items()}
+    return columns, units
+
+
+def _block_columns(where: str, block: Block, dialect: Dialect) -> Columns:
+    import pandas as pd  # heavy, and plans read nothing with it
+
+    if (width := len(dialect.split(block.rows[0]))) > _MOST_COLUMNS:
+        raise InputError.of(where, f"has {width} columns, more than {_MOST_COLUMNS}", "Give one row per time stamp")
     try:
         frame = pd.read_csv(
-            io.StringIO("\n".join(lines[first:])),
-            sep=delimiter or r"\s+",
-            decimal=decimal,
+            io.StringIO("\n".join(block.rows)),
+            sep=dialect.delimiter or r"\s+",
+            decimal=dialect.decimal,
             header=None,
             low_memory=False,
         )
     except (pd.errors.ParserError, OverflowError, MemoryError) as error:
         raise InputError.of(where, f"no regular table: {error}", "Give every row the same number of cells") from error
-    header = rows[0] if first else []
     columns: dict[str, FloatArray] = {}
     clocks: dict[str, str] = {}
+    given: dict[str, str] = {}
     for k in frame.columns:
-        name = header[k] if k < len(header) else ""
-        values, is_time = _numbers(f"{where}, column {k + 1}", frame[k], decimal)
+        name = block.names[k] if k < len(block.names) else ""
+        values, is_time = _numbers(f"{where}, column {k + 1}", frame[k], dialect.decimal)
         # a delimiter at the end of every line makes a last column without name and numbers
         if name or not np.all(np.isnan(values)):
             name = f"{name} ({k + 1})" if name in columns else name or str(k + 1)
             columns[name] = values
             clocks |= {name: "s"} if is_time else {}
-    given = rows[1] if first > 1 and all(not cell or is_unit(cell) for cell in rows[1]) else []
-    units = {name: unit for name, unit in zip(header, given, strict=False) if name in columns and unit}
-    return columns, units | clocks
+            if k < len(block.units) and block.units[k]:
+                given[name] = block.units[k]
+    return columns, given | clocks
 
 
 def _numbers(where: str, cells: Any, decimal: str) -> tuple[FloatArray, bool]:
@@ -117,38 +124,12 @@ def file_text(path: Path, limits: ImportLimits = LIMITS) -> str:
         return data.decode("latin-1")
 
 
-def _dialect(lines: list[str]) -> tuple[str | None, str]:
-    """Delimiter (None: white space) and decimal sign under which most lines are numbers."""
-    tries = [
-        (delimiter, decimal) for delimiter in (*_DELIMITERS, None) for decimal in (".", ",") if delimiter != decimal
-    ]
-
-    def numbers(dialect: tuple[str | None, str]) -> int:
-        delimiter, decimal = dialect
-        return sum(len(row) for row in (_split(line, delimiter) for line in lines) if _numeric(row, decimal))
-
-    # "1,5" alone is one number or two: the earlier try, two columns, wins a draw
-    return max(tries, key=numbers)
-
-
-def _split(line: str, delimiter: str | None) -> list[str]:
-    return [cell.strip().strip("\"'").strip() for cell in line.strip("\r\n ").split(delimiter)]
-
-
-def _numeric(cells: list[str], decimal: str) -> bool:
-    """At least one number, and nothing but numbers, clocks and empty cells."""
-    try:
-        return bool([float(cell.replace(decimal, ".")) for cell in cells if cell and not is_clock(cell)])
-    except ValueError:
-        return False
-
-
 FORMAT = ImportFormat(
     name="text table",
-    versions="any usual delimiter, decimal comma, header or none",
+    versions="any usual delimiter, decimal comma, remarks and header or none, several blocks",
     endings=(".csv", ".txt", ".dat", ".asc", ".tsv"),
-    columns="every column; a name used twice is followed by its number, `F (4)`; date and time are seconds since the "
-    "first row",
-    units="a second header line, if all its cells are units; a clock has s",
+    columns="every column; a name used twice is followed by its number, `F (4)`; a clock is seconds since the first "
+    "row; of several blocks `block.1.F`, `block.2.F`",
+    units="a header line, if most of its cells are units; a clock has s",
     read=text_columns,
 )
