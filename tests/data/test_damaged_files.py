@@ -206,6 +206,7 @@ def test_the_command_leaves_nothing_behind(tmp_path, sound, monkeypatch, capsys)
         assert main(["import", name, "--guess", "--out", "guess.toml"]) in (0, 2)
         _, err = capsys.readouterr()
         assert "Traceback" not in err
-        (tmp_path / "guess.toml").unlink(missing_ok=True)
+        for made in ("guess.toml", "guess.png"):
+            (tmp_path / made).unlink(missing_ok=True)
         assert {path.name for path in tmp_path.iterdir()} == {name, "map.toml"}
         (tmp_path / name).unlink()

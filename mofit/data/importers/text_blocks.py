@@ -30,7 +30,7 @@ class Dialect:
         """Cells of a line, without quotes."""
         line = line.strip("\r\n ")
         if self.delimiter is None:
-            line = re.sub(r"\s+(?=[\[(])", "", line)  # the unit of "force [kN]" is no cell of its own
+            line = re.sub(r"(?<!\s)\s+(?=[\[(])", "", line)  # the unit of "force [kN]" is no cell of its own
         return [cell.strip().strip("\"'").strip() for cell in line.split(self.delimiter)]
 
     def numeric(self, cell: str) -> bool:
