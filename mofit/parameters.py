@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 
-#: scopes of a parameter; any other is the name of a condition
+#: scopes of a parameter; any other is the name of a condition, or several with commas
 PER_CAMPAIGN, PER_TEST = "campaign", "test"
 
 
@@ -46,7 +46,8 @@ class Parameter:
     """How range, nominal value and grid grow with the data: powers of channels, see `powers` and `Model.typical`;
     ``"one or another"`` where a model has either."""
     per: str = PER_CAMPAIGN
-    """What it has one value of: the ``"campaign"``, every ``"test"``, or every value of a condition, by its name."""
+    """What it has one value of: the ``"campaign"``, every ``"test"``, or every value of a condition, by its name; by
+    several names, with commas, every combination of their values."""
     pooled: bool = False
     """Whether the values of its tests or conditions are drawn from a normal, whose spread is estimated along."""
 

@@ -37,6 +37,9 @@ CHANNELS: dict[str, PhysicalQuantity] = {
     "slip_angle": PhysicalQuantity("rad", "slip angle", "input"),
     "lateral_displacement": PhysicalQuantity("m", "lateral displacement", "input"),
     "lateral_force": PhysicalQuantity("N", "lateral force", "output"),
+    "slip_ratio": PhysicalQuantity("1", "slip ratio", "input"),
+    "longitudinal_displacement": PhysicalQuantity("m", "longitudinal displacement", "input"),
+    "longitudinal_force": PhysicalQuantity("N", "longitudinal force", "output"),
     "self_aligning_torque": PhysicalQuantity("N m", "self-aligning torque", "output"),
     "displacement": PhysicalQuantity("m", "displacement", "input"),
     "force": PhysicalQuantity("N", "force", "output"),
@@ -52,6 +55,8 @@ CONDITIONS: dict[str, PhysicalQuantity] = {
     "vertical_force": PhysicalQuantity("N", "vertical force"),
     "longitudinal_velocity": PhysicalQuantity("m/s", "longitudinal velocity"),
     "inflation_pressure": PhysicalQuantity("Pa", "inflation pressure"),
+    "nominal_vertical_force": PhysicalQuantity("N", "nominal vertical force"),
+    "nominal_inflation_pressure": PhysicalQuantity("Pa", "nominal inflation pressure"),
     "dynamic_rolling_radius": PhysicalQuantity("m", "dynamic rolling radius"),
     "camber_angle": PhysicalQuantity("rad", "camber angle"),
     "wheel_phase": PhysicalQuantity("rad", "angle of the wheel at the first sample"),
@@ -68,7 +73,9 @@ CONDITIONS: dict[str, PhysicalQuantity] = {
 #: conditions that belong to a channel: without them its tests cannot be compared or modelled
 EXPECTED_CONDITIONS: dict[str, tuple[str, ...]] = {
     "slip_angle": ("vertical_force", "longitudinal_velocity", "dynamic_rolling_radius"),
+    "slip_ratio": ("vertical_force", "longitudinal_velocity", "dynamic_rolling_radius"),
     "lateral_displacement": ("vertical_force",),
+    "longitudinal_displacement": ("vertical_force",),
 }
 
 

@@ -75,6 +75,18 @@ Simulations = Annotated[
 Evaluations = Annotated[
     int | None, Parameter(help="Budget of the global search in evaluations. By default the search's own.")
 ]
+Over = Annotated[
+    tuple[str, ...],
+    Parameter(help="Conditions over which parameters follow laws, as vertical_force,inflation_pressure; repeatable."),
+]
+Laws = Annotated[
+    tuple[str, ...],
+    Parameter(
+        help="Law of a parameter over the conditions of --over, PARAMETER=LAW, or over one, PARAMETER@CONDITION=LAW: "
+        "constant, linear, quadratic, exponential, power, arrhenius, wlf, free; of several by commas the evidence "
+        "chooses. By default of constant, linear, quadratic and free; repeatable."
+    ),
+]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]
@@ -130,6 +142,11 @@ def text_by_name(option: str, entries: Iterable[str]) -> dict[str, str]:
         return text.strip()
 
     return _named(option, entries, name, "NAME", "vertical_force")
+
+
+def names(entries: Iterable[str]) -> tuple[str, ...]:
+    """``["a,b", "c"]`` to ``("a", "b", "c")``."""
+    return tuple(name.strip() for entry in entries for name in entry.split(",") if name.strip())
 
 
 def tests_by_name(option: str, entries: Iterable[str]) -> dict[str, tuple[str, ...]]:

@@ -17,8 +17,10 @@ from mofit.cli.app import (
     Jobs,
     Joint,
     Json,
+    Laws,
     MapFile,
     ModelName,
+    Over,
     Search,
     Seed,
     Simulations,
@@ -28,6 +30,7 @@ from mofit.cli.app import (
     app,
     by_name,
     cores,
+    names,
     print_json,
     range_by_name,
     seconds,
@@ -41,9 +44,7 @@ from mofit.parameters import PER_TEST
 
 @app.command
 def identify(
-    file: Path | None = None,
-    /,
-    *,
+    *files: Path,
     all_freqs: bool = False,
     freq: tuple[float, ...] = (),
     test: Tests = (),
@@ -61,6 +62,8 @@ def identify(
     per_test: tuple[str, ...] = (),
     per: tuple[str, ...] = (),
     pooled: tuple[str, ...] = (),
+    over: Over = (),
+    law: Laws = (),
     joint: Joint = False,
     seed: Seed = 0,
     out: Path | None = None,
@@ -78,14 +81,15 @@ def identify(
 
     Parameters
     ----------
-    file
-        Campaign file. By default the bundled (simulated) campaign.
+    files
+        Campaign file, or several, whose tests are identified together. By default the bundled (simulated) campaign.
     all_freqs
         Use all tests whose excitation the model is made for; the default without --freq and --test.
     freq
         Use only the tests of this frequency in Hz; repeatable.
     hold_out
         Do not use the test of this name; it is predicted afterwards, and the report tells how well; repeatable.
+        CONDITION=NUMBER, in SI units, names all tests of a condition.
     weights
         Weight of a test in the search, TEST=NUMBER; repeatable. Of several outputs "TEST / OUTPUT=NUMBER" names one.
     per_test
@@ -121,6 +125,8 @@ def identify(
         fixed=by_name("--fix", fix),
         scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
         pooled=pooled,
+        over=names(over),
+        laws=text_by_name("--law", law),
         joint=joint,
         seed=seed,
         jobs=cores(jobs),
@@ -130,7 +136,7 @@ def identify(
     with progress_bar() as progress, ended_in(time_limit, LATE):
         named = fmu_reference(model, map_file, free)
         folder, tree = identified(
-            file, named, settings, effects=effect, tests=test, frequencies=freq, hold_out=hold_out, out=out,
+            files or None, named, settings, effects=effect, tests=test, frequencies=freq, hold_out=hold_out, out=out,
             resume=resume, progress=progress,
         )  # fmt: skip
         summary = run_summary(tree, folder)
@@ -143,9 +149,7 @@ def identify(
 
 @app.command
 def diagnose(
-    file: Path | None = None,
-    /,
-    *,
+    *files: Path,
     model: ModelName = None,
     map_file: MapFile = None,
     free: Free = (),
@@ -157,6 +161,8 @@ def diagnose(
     fix: Fixed = (),
     per_test: tuple[str, ...] = (),
     per: tuple[str, ...] = (),
+    over: Over = (),
+    law: Laws = (),
     seed: Seed = 0,
     out: Path | None = None,
     simulations: Simulations = None,
@@ -172,8 +178,8 @@ def diagnose(
 
     Parameters
     ----------
-    file
-        Campaign file. By default the bundled (simulated) campaign.
+    files
+        Campaign file, or several, whose tests are looked at together. By default the bundled (simulated) campaign.
     effects
         Candidate effect; repeatable. A shipped name: only those named are tried. path/to/file.py:Name: it is tried
         beside the others. By default all shipped effects that the model admits.
@@ -203,11 +209,14 @@ def diagnose(
         bounds=range_by_name("--bounds", bounds),
         fixed=by_name("--fix", fix),
         scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
+        over=names(over),
+        laws=text_by_name("--law", law),
         seed=seed,
         jobs=cores(jobs),
     )
     named = fmu_reference(model, map_file, free)
-    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
+    file = files[0] if files else None
+    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include, more=files[1:])
     with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(job, progress)
     if as_json:

@@ -12,8 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mofit.cli.laws_shown import laws_table, populations_table
 from mofit.cli.predictions_shown import predictions_table, scoped_lines
-from mofit.results import simulations_line
+from mofit.results import outcome_sentences, simulations_line
 from mofit.runtime.progress import Progress as Listener
 
 
@@ -79,6 +80,10 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
     console = terminal_console()
     for finding in summary["findings"]:
         console.print(finding["text"], style="bold red" if finding["level"] == "untrusted" else "bold yellow")
+    for sentence, style in outcome_sentences(summary):
+        console.print(sentence, style=style)
+    for warning in summary["warnings"][len(summary["findings"]) :]:
+        console.print(f"warning: {warning}")
     for mode in summary["modes"]:
         worst = max(mode["nrmsd"].values())
         title = f"{mode['id']}: probability {mode['probability']:.3g}, NRMSD up to {100 * worst:.3g} %"
@@ -91,6 +96,10 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
         console.print(table)
         if "scoped" in mode:
             console.print(_scoped(mode))
+    if summary.get("laws"):
+        console.print(laws_table(summary["laws"]))
+        if "populations" in summary["laws"]:
+            console.print(populations_table(summary["laws"]))
     if any(" / " in name for mode in summary["modes"] for name in mode["nrmsd"]):
         console.print(_errors_of_outputs(summary))
     if summary.get("held_out"):
@@ -101,13 +110,6 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
         console.print(_search_line(summary["search"]))
     if summary.get("simulations"):
         console.print(f"Simulator: {simulations_line(summary['simulations'])}")
-    for warning in summary["warnings"][len(summary["findings"]) :]:
-        console.print(f"warning: {warning}")
-    spreads = {entry["spread"] for mode in summary["modes"] for entry in mode["parameters"].values()}
-    if spreads == {"Laplace"}:
-        console.print("NOT SAMPLED: standard deviations are those of the Laplace approximation.", style="bold red")
-    elif not summary["converged"]:
-        console.print("NOT CONVERGED: do not use the standard deviations; see the report.", style="bold red")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
 
 

@@ -1,12 +1,10 @@
-"""Commands on finished runs: report, uncertainty, export."""
+"""Commands on finished runs: report, runs, open, uncertainty."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Literal
 
-from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json
+from mofit.cli.app import DONE, NOT_CONVERGED, NOT_IDENTIFIABLE, FinishedRun, Json, app, print_json, say
 
 
 @app.command
@@ -22,6 +20,60 @@ def report(run: FinishedRun, /, *, as_json: Json = False) -> int:
         print_json({"report": str(page)})
     else:
         print(page)
+    return DONE
+
+
+@app.command
+def runs(folder: Path = Path("runs"), /, *, as_json: Json = False) -> int:
+    """Write one page for a folder of runs: what was run, verdicts, errors beside the noise, runs side by side.
+
+    Example: mofit runs runs
+
+    Parameters
+    ----------
+    folder
+        Folder that holds the runs. By default runs.
+    """
+    from dataclasses import asdict
+
+    from mofit.cli.runs_shown import show_runs
+    from mofit.runtime.output_file import output_file
+    from mofit.workflows.runs import find_runs
+    from mofit.workflows.runs_page import PAGE, write_runs
+
+    entries = find_runs(folder)
+    with output_file(folder / PAGE, "folder", force=True):
+        page = write_runs(entries, folder)
+    if as_json:
+        print_json({"schema": "mofit.runs/1", "page": str(page), "runs": [asdict(entry) for entry in entries]})
+    else:
+        show_runs(entries, page)
+    return DONE
+
+
+@app.command(name="open")
+def open_page(run: Path, /, *, as_json: Json = False) -> int:
+    """Open the page of a run, or of a folder of runs, in the browser; without a browser, its path is printed.
+
+    Example: mofit open runs/my-campaign-maxwell_tyre
+
+    Parameters
+    ----------
+    run
+        Folder of a run, of a batch, or of runs.
+    """
+    import webbrowser
+
+    from mofit.workflows.runs import page_of
+
+    page = page_of(run)
+    opened = webbrowser.open(page.resolve().as_uri())
+    if as_json:
+        print_json({"schema": "mofit.open/1", "page": str(page), "opened": opened})
+    else:
+        print(page)
+    if not opened:
+        say("mofit: there is no browser here; open the file above in one.")
     return DONE
 
 
@@ -50,54 +102,3 @@ def uncertainty(run: FinishedRun, /, *, parameter: tuple[str, ...] = (), as_json
     if not table["converged"]:
         return NOT_CONVERGED
     return NOT_IDENTIFIABLE if table["not_identifiable"] else DONE
-
-
-@app.command
-def export(
-    run: FinishedRun,
-    /,
-    *,
-    to: Literal["toml", "csv", "casadi", "c", "fmu"],
-    mode: str = "m1",
-    model: str | None = None,
-    effect: tuple[str, ...] = (),
-    fmi: Literal["3", "2"] | None = None,
-    test: str | None = None,
-    out: Path | None = None,
-    as_json: Json = False,
-) -> int:
-    """Export a run for other programs: parameters with uncertainty, the identified model as a function, or an FMU.
-
-    Example: mofit export runs/my-campaign-maxwell_tyre --to fmu --out tyre.fmu
-
-    Parameters
-    ----------
-    to
-        toml, csv: parameters of all modes with standard deviation, quantiles, unit and classification. casadi: a file
-        for CasADi's Function.load. c: C source. fmu: a Functional Mock-up Unit for co-simulation, with its sources, and
-        with a binary where a C compiler is found.
-    mode
-        Posterior mode: its MAP estimate goes into the function (casadi, c), its posterior mean into the FMU.
-    model
-        The run's model, if it is your own: path/to/file.py:Name.
-    effect
-        Effects of the run, all in their order, if one is your own; repeatable.
-    fmi
-        Version of FMI, 3.0 by default (fmu).
-    test
-        Test whose conditions and values per test the FMU starts with; by default those common to all, and the mean.
-    out
-        File to write. By default the model's name with the ending of the format.
-    """
-    from mofit.workflows.export import export as exported
-
-    made = exported(run, to, mode=mode, model=model, effects=effect, fmi=fmi, test=test, out=out)
-    said = {"fmi": made.fmi, "platform": made.platform, "note": made.note or None} if to == "fmu" else {}
-    target = made.file
-    if as_json:
-        print_json({"file": str(target), "to": to, "mode": None if to in ("toml", "csv") else mode, **said})
-    else:
-        print(target)
-    if said.get("note"):
-        print(f"mofit: {said['note']}", file=sys.stderr)
-    return DONE

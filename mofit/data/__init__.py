@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from mofit.data.campaign_file import bundled_campaign, read_campaign, write_campaign
     from mofit.data.importers.importer import import_files
     from mofit.data.importers.map_proposal import propose_map
+    from mofit.data.join import joined
     from mofit.data.quality import campaign_warnings, check_campaign
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "campaign_warnings",
     "check_campaign",
     "import_files",
+    "joined",
     "overview",
     "propose_map",
     "read_campaign",
@@ -32,6 +34,7 @@ _HOMES = {
     "campaign_warnings": "quality",
     "check_campaign": "quality",
     "import_files": "importers.importer",
+    "joined": "join",
     "propose_map": "importers.map_proposal",
     "read_campaign": "campaign_file",
     "write_campaign": "campaign_file",

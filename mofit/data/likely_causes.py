@@ -29,6 +29,8 @@ _FACTORS = (
 _UNLIKELY = {
     "displacement": (1.0, "m", "millimetres were read as metres"),
     "lateral_displacement": (1.0, "m", "millimetres were read as metres"),
+    "longitudinal_displacement": (1.0, "m", "millimetres were read as metres"),
+    "slip_ratio": (2.0, "1", "per cent were read as a ratio"),
     "slip_angle": (math.pi / 2, "rad", "degrees were read as radians"),
 }
 #: ratio of a channel's range to that usual in the campaign, above which a unit is likelier than a setting

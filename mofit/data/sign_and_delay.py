@@ -30,7 +30,9 @@ _TOGETHER = {
     ("lateral_displacement", "lateral_force"): True,
     ("angle", "torque"): True,
     ("strain", "stress"): True,
+    ("longitudinal_displacement", "longitudinal_force"): True,
     ("slip_angle", "lateral_force"): False,
+    ("slip_ratio", "longitudinal_force"): False,
 }
 
 

@@ -26,7 +26,8 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
-from mofit.identification.held_out import remaining_tests, without_held_out
+from mofit.identification.conditions import with_laws_of_conditions
+from mofit.identification.held_out import of_conditions, remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_effects, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
@@ -88,7 +89,8 @@ def diagnose(
     build_system(model)  # what is wrong with it is told before anything else
     with evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask):
         return _diagnosed(
-            campaign, model, as_effects(effects), settings, as_names(tests), as_names(hold_out), rules, simulators,
+            campaign, model, as_effects(effects), settings, as_names(tests),
+            of_conditions(campaign, as_names(hold_out)), rules, simulators,
             progress, began,
         )  # fmt: skip
 
@@ -108,10 +110,10 @@ def _diagnosed(
     """The steps of a diagnosis, in order."""
     whole, campaign = campaign, without_held_out(campaign, hold_out)
     tests = remaining_tests(model, campaign, whole, tests)
+    model, settings = with_laws_of_conditions(campaign, model, settings, tests, progress)
     records = whole.select(hold_out) if hold_out else None
     selected = campaign.select(tests)
-    named, left_out = choose_effects(model, selected, effects)
-    scales = data_scales(model, selected)
+    (named, left_out), scales = choose_effects(model, selected, effects), data_scales(model, selected)
     chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
     settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -13,13 +13,13 @@ from mofit.diagnosis.conclusion import Conclusion
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
 from mofit.diagnosis.proposal import Proposal
+from mofit.diagnosis.records import page_records
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
 from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.shrinkage import Share, Shrinkage
 from mofit.diagnosis.term_curve import term_curves
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.simulation import exciting_channel
 
 SCHEMA = "mofit.diagnosis/2"
 #: Samples that are drawn of a test that does not repeat.
@@ -247,7 +247,7 @@ def page_data(diagnosis: Diagnosis) -> dict[str, Any]:
             )
         },
         "test_estimates": [asdict(one) for one in diagnosis.homogeneity],
-        "records": list(_records(diagnosis)),
+        "records": list(page_records(diagnosis.observed, baseline, best)),
         "proposed_curves": None if diagnosis.proposed is None else term_curves(diagnosis.proposed),
     }
 
@@ -259,29 +259,3 @@ def _maps(located: ResidualMap) -> dict[str, Any]:
         "time": [asdict(part) for part in located.time_maps],
         "squares": dict(located.squares),
     }
-
-
-def _records(diagnosis: Diagnosis) -> Iterator[dict[str, Any]]:
-    """What excites every record, measured and simulated output: its last period, or the end of it."""
-    observed, found = diagnosis.observed, diagnosis.attribution
-    before, after = (one.hypothesis.outputs(one.minimum.point[None]) for one in (found.baseline, found.best.fitted))
-    for test, output, w in observed.records:
-        measurement, channel = observed.problem.measurements[test], observed.problem.model.outputs[output]
-        name = exciting_channel(observed.problem.model, measurement)
-        length = round(w.period / w.step) + 1 if w.periods else _MOST_SAMPLES
-        stop = w.start + w.count
-        cut = slice(max(stop - length, w.start), stop)
-        yield {
-            "test": measurement.name,
-            "kind": measurement.kind,
-            "frequency": 1 / w.period if w.periods else None,
-            "input_name": name.replace("_", " "),
-            "input_unit": measurement.units[name],
-            "output_name": channel.name.replace("_", " "),
-            "output_unit": channel.unit,
-            "time": measurement.time[cut],
-            "input": measurement.channel(name)[cut],
-            "measured": measurement.channel(channel.name)[cut],
-            "before": before[test][0][0, cut, output],
-            "after": after[test][0][0, cut, output],
-        }

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.errors import InputError
-from mofit.models import Model, Stage, find_model
+from mofit.models import Model, Stage, find_model, laws_of, with_laws
 from mofit.optimize import merge, refine
 from mofit.parameters import ParameterSpace
 from mofit.problem import GaussianPrior, Problem, adjusted_posterior, build_problem, explained
@@ -67,6 +68,7 @@ def calibrate(
     seed: int,
     jobs: int,
     done: Sequence[Calibration] = (),
+    start: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[Calibration], list[str]]:
     """Fit every stage of a model that the campaign has tests for.
 
@@ -82,6 +84,8 @@ def calibrate(
         Seed of the starts; threads.
     done
         Stages fitted to this campaign before, for another model; those that are the same are not fitted again.
+    start
+        Values by name, one more start of every stage.
 
     Returns
     -------
@@ -94,32 +98,40 @@ def calibrate(
     warnings = []
     for stage in model.stages:
         tests = [m.name for m in campaign.measurements if m.kind in stage.excitations]
-        stage_model = find_model(stage.model)
+        reduced = stage_model(stage, model)
         if not tests:
-            names = ", ".join(p.name for p in stage_model.parameters)
+            names = ", ".join(p.name for p in reduced.parameters)
             warnings.append(
                 f"No {' or '.join(stage.excitations)} test: {names} are identified together with the others, without "
                 "a calibration of their own."
             )
             continue
         known = calibrated_values(found)
-        free = [p.name for p in stage_model.parameters if p.name in space.names and p.name not in known]
+        free = [p.name for p in reduced.parameters if p.name in space.names and p.name not in known]
         same = [c for c in done if c.stage == stage and c.problem.space == space.subset(free) and c.fixed_at(known)]
         if same:
             found.append(same[0])
             continue
         chosen, own = campaign.select(tests), space.subset(free)
-        problem = build_problem(stage_model, chosen, space=own, fixed=known, settled=stage.settled, jobs=jobs)
-        found.append(_fit_stage(stage, problem, seed))
+        problem = build_problem(reduced, chosen, space=own, fixed=known, settled=stage.settled, jobs=jobs)
+        found.append(_fit_stage(stage, problem, seed, start))
     return found, warnings
 
 
-def _fit_stage(stage: Stage, problem: Problem, seed: int) -> Calibration:
+def stage_model(stage: Stage, model: Model) -> Model:
+    """The model of a stage; its parameters follow the laws that they follow in the main model."""
+    return with_laws(find_model(stage.model), laws_of(model))
+
+
+def _fit_stage(stage: Stage, problem: Problem, seed: int, start: Mapping[str, float]) -> Calibration:
     """Least squares from many starts, then once more with the independent residuals counted."""
     from scipy.stats import qmc  # late: its import takes half a second
 
     scattered = qmc.Sobol(len(problem.space), rng=seed).random(STARTS)
-    starts = np.concatenate([problem.space.to_unit(problem.space.nominal)[None], scattered])
+    space = problem.space
+    given = np.array([start.get(one.name, one.nominal) for one in space.parameters])
+    known = np.stack([space.nominal, np.clip(given, space.lower, space.upper)][: 2 if start else 1])
+    starts = np.concatenate([space.to_unit(known), scattered])
     with explained(problem):
         minima = merge(refine(problem.evaluate, starts))
         if not minima:

@@ -12,6 +12,7 @@ from mofit._typing import FloatArray
 from mofit.identification.findings import Finding
 from mofit.problem import AdjustedPosterior, Problem
 from mofit.sampling import SampleSettings, sample_mode
+from mofit.simulation.evaluation.differences import FINE
 from mofit.simulation.evaluation.emulated import EmulatedSimulator
 from mofit.simulation.evaluation.emulator import Coordinates, Emulator
 from mofit.simulation.evaluation.surface import PER_COEFFICIENT, coefficients
@@ -190,14 +191,33 @@ class _Training:
         simulator = EmulatedSimulator(
             problem.system, problem.experiments, problem.simulator.free, emulator, problem.simulator.absorbed
         )
-        return replace(adjusted, problem=replace(problem, simulator=simulator))
+        quick = replace(problem, simulator=simulator)
+        return adjusted.with_slopes_of(quick) if self.slopes_are_better else replace(adjusted, problem=quick)
+
+    @property
+    def slopes_are_better(self) -> bool:
+        r"""Whether noise of the simulator spoils differences more than the emulator's slopes.
+
+        Noise :math:`\varepsilon` of the outputs errs a central difference with step h by
+        :math:`\varepsilon / (\sqrt 2 h)`, and a slope through K points that spread by s by
+        :math:`\varepsilon / (s \sqrt K)`. Both are compared in whitened coordinates, where the sum over the parameters
+        counts.
+        """
+        evaluations = self.problem.evaluations
+        assert evaluations is not None
+        steps = [evaluations.steps[name] for name in self.coordinates.space.names if name in evaluations.steps]
+        if not any(step.error > FINE for step in steps):
+            return False
+        sizes, root = np.array([step.size for step in steps]), self.coordinates.root
+        by_differences = 0.5 * np.sum(np.sum(root**2, axis=1) / sizes**2)
+        return bool(by_differences > len(root) / (SPREAD**2 * self.count))
 
     def error(self, adjusted: AdjustedPosterior, quick: AdjustedPosterior, points: FloatArray) -> float:
         """Error of the emulated log posterior at points (K, d), which are learned from then.
 
         Where the simulator fails the emulator is wrong by as much as it matters: such points count as wrong by a nat.
         """
-        mapped = adjusted.adjustment.mapped(points)
+        mapped = quick.adjustment.mapped(points)
         self.add(self.problem.layout.full(mapped))
-        wrong = quick.log_posterior(points) - adjusted.log_posterior(points)
+        wrong = quick.log_posterior(points) - replace(quick, problem=adjusted.problem).log_posterior(points)
         return float(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, 1.0) ** 2)))

@@ -8,10 +8,14 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.data.join import specimen_name
 from mofit.data.signals import REPEATED
 from mofit.identification.combinations import combined
+from mofit.identification.law_study import LawStudy
 from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum
 from mofit.parameters import Parameter, ParameterSpace
@@ -27,6 +31,8 @@ GAP = 1.12
 WHITE = 0.25
 #: Share of the output's range below which a residual is that of the integration, not of the model.
 NEGLIGIBLE = 5e-4
+#: Probability below which estimates scatter too far about a law.
+NO_LAW = 1e-3
 #: What a residual without repeats may be.
 COLOURED_OR_GAP = "Either the noise is coloured, or the model lacks something: mofit diagnose tells."
 
@@ -132,3 +138,28 @@ def _released(gradient: FloatArray, hessian: FloatArray, sides: NDArray[np.int64
     shift = np.zeros(len(gradient))
     shift[free] = np.abs(follow) * step / np.sqrt(np.diag(np.linalg.inv(inner))) if len(free) else 0.0
     return 0.5 * abs(float(gradient[k])) * step, shift
+
+
+def of_laws(study: LawStudy | None, campaign: Campaign) -> list[Finding]:
+    """That the laws do not hold, and which specimens stand out."""
+    if study is None:
+        return []
+    found = []
+    for one in study.outliers:
+        name = specimen_name(campaign, float(study.cells.at[one.specimen, 0]))
+        text = (
+            f"Specimen {name} stands out: its {one.parameter} is {abs(one.z):.2g} standard deviations from the others"
+        )
+        found.append(Finding("specimen", "caution", f"{text} (p = {one.p_value:.1g})."))
+    fit = study.fit
+    if fit.freedom > 0 and (p := float(chi2.sf(fit.chi_square, fit.freedom))) < NO_LAW:
+        found.append(
+            Finding(
+                "laws",
+                "caution",
+                f"The laws do not hold: the combinations scatter about them by more than their errors (chi square "
+                f"{fit.chi_square:.4g} of {fit.freedom}, p = {p:.1g}). Another law (--law) or another condition is "
+                "missing.",
+            )
+        )
+    return found

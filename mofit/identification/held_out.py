@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import xarray as xr
@@ -12,6 +13,45 @@ from mofit.identification.problem_setup import choose_tests
 from mofit.models import Model
 from mofit.prediction import HELD_OUT, predict_records, prediction_groups
 from mofit.simulation import lacking
+
+
+def of_conditions(campaign: Campaign, hold_out: Sequence[str]) -> tuple[str, ...]:
+    """Names of tests held out: each is a test, or ``condition=value`` of one or several conditions, by commas.
+
+    Raises
+    ------
+    InputError
+        If no test has these conditions.
+    """
+    found: list[str] = []
+    for entry in hold_out:
+        if entry in campaign.tests or "=" not in entry:
+            found.append(entry)
+            continue
+        wanted = dict(part.partition("=")[::2] for part in entry.split(","))
+        try:
+            numbers = {name.strip(): float(value) for name, value in wanted.items()}
+        except ValueError:
+            raise InputError.of(f"--hold-out {entry}", "is no CONDITION=NUMBER", "Give the value in SI units") from None
+        own = [
+            m.name
+            for m in campaign.measurements
+            if all(_is(m.experiment.conditions.get(name), value) for name, value in numbers.items())
+        ]
+        if not own:
+            known = "; ".join(f"{name}: {_values(campaign, name)}" for name in numbers)
+            raise InputError.of(f"--hold-out {entry}", "no test has these conditions", f"The tests have {known}")
+        found += own
+    return tuple(dict.fromkeys(found))
+
+
+def _is(value: float | None, wanted: float) -> bool:
+    return value is not None and math.isclose(value, wanted, rel_tol=1e-6)
+
+
+def _values(campaign: Campaign, name: str) -> str:
+    values = sorted({m.experiment.conditions[name] for m in campaign.measurements if name in m.experiment.conditions})
+    return ", ".join(f"{value:g}" for value in values) or "none"
 
 
 def without_held_out(campaign: Campaign, hold_out: Sequence[str]) -> Campaign:

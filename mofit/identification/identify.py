@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -14,9 +15,10 @@ import xarray as xr
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.allowance import cut_short, keep_for_predictions, shortages
+from mofit.identification.conditions import study_conditions
 from mofit.identification.estimates import estimates, unrefined
-from mofit.identification.findings import Finding, at_limits, misfit, ridges
-from mofit.identification.held_out import remaining_tests, with_predictions, without_held_out
+from mofit.identification.findings import Finding, at_limits, misfit, of_laws, ridges
+from mofit.identification.held_out import of_conditions, remaining_tests, with_predictions, without_held_out
 from mofit.identification.inputs import as_campaign, as_model, as_names
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.reference_fits import fit_references
@@ -72,6 +74,7 @@ def identify(
         Name or names of the tests of the main identification; by default all whose excitation the model is made for.
     hold_out
         Name or names of tests that are not used at all, but predicted afterwards: group ``held_out`` of the result.
+        ``condition=value`` names all tests of a condition.
     out
         Folder of the run; by default the next free one under ``runs/``.
     resume
@@ -100,15 +103,22 @@ def identify(
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
     refined_until = math.inf if settings.time_limit is None else time.monotonic() + REFINED * settings.time_limit
-    whole, campaign = campaign, without_held_out(campaign, as_names(hold_out))
+    left = of_conditions(campaign, as_names(hold_out))
+    whole, campaign = campaign, without_held_out(campaign, left)
     chosen = remaining_tests(model, campaign, whole, as_names(tests))
+    study = None
+    if settings.over:
+        with timer.measure("conditions"), evaluated_in(evaluations_of(model), settings.jobs, settings.timeout):
+            study = study_conditions(campaign, model, settings, chosen, progress=progress, until=refined_until)
+        model, settings = study.model(model), study.settings(settings)
     configuration = {
         "model": model.name,
         "equations": build_system(model).hash(),
         "campaign": whole.hash(),
         "tests": list(chosen),
         **settings.deciding(),
-        **({"hold_out": list(as_names(hold_out))} if hold_out else {}),
+        **({"hold_out": list(left)} if left else {}),
+        **({"parameter_laws": [asdict(law) for law in study.laws]} if study else {}),
     }
     stem = f"{slug(campaign.title) or 'run'}-{model.name}"
     with (
@@ -120,9 +130,10 @@ def identify(
         known = folder.partial / ESTIMATES_FILE
         found = partial(_write_unrefined, known)
         located = locate_minima(
-            campaign, model, settings, chosen, timer=timer, progress=progress, searched=found, until=refined_until
-        )
-        keep_for_predictions(located.problem, len(as_names(hold_out)) and len(as_names(hold_out)) + len(chosen))
+            campaign, model, settings, chosen, timer=timer, progress=progress, searched=found, until=refined_until,
+            start=study.fit.values if study else None,
+        )  # fmt: skip
+        keep_for_predictions(located.problem, len(left) and len(left) + len(chosen))
         references = partial(fit_references, located, model, campaign, settings)
         # a forked process would count its simulations for itself
         with beside(references, settings.jobs > 1 and simulator_of(model) is None) as fitted:
@@ -140,17 +151,21 @@ def identify(
             left_out = shortages(located.problem, list(groups))
             keep_for_predictions(located.problem, 0)
             result = IdentificationResult(
-                **{**vars(located), "warnings": (*located.warnings, *unconverged, *left_out)},
-                findings=_findings(located, modes, settings),
+                **{
+                    **vars(located),
+                    "warnings": (*located.warnings, *unconverged, *left_out),
+                    "findings": (*located.findings, *_findings(located, modes, settings), *of_laws(study, whole)),
+                },
                 campaign=whole,
                 configuration=configuration,
                 modes=modes,
                 references=groups,
+                study=study,
                 seconds={**timer.seconds, **seconds, "total": timer.total},
             )
             _make_room()
             progress("write", 0, 1, "result and report")
-            tree = with_predictions(assemble(result), model, whole, as_names(hold_out), chosen, settings.jobs)
+            tree = with_predictions(assemble(result), model, whole, left, chosen, settings.jobs)
             tree = with_simulations(tree, result)
             with drawn(tree, folder.partial):
                 write_result(tree, folder.partial)

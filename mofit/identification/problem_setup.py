@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
-from mofit.identification.calibration import Calibration, calibrate, calibrated_values
+from mofit.identification.calibration import Calibration, calibrate, calibrated_values, stage_model
 from mofit.identification.settings import Settings, free_space
-from mofit.models import Model, find_model
+from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, CampaignPosterior, JointProblem, Problem, build_problem, join_priors
 from mofit.problem.pooling import hyperparameters
@@ -39,18 +39,23 @@ class ProblemSetup:
     """Time that the periodic inputs of tests act on the model before the first sample, s."""
     known: tuple[ExperimentData, ...] = ()
     """Tests of another problem on the campaign, for `mofit.problem.build_problem`."""
+    start: Mapping[str, float] | None = None
+    """Values by name to start from in place of a search."""
 
     @cached_property
     def searched(self) -> Problem:
         """What the search sees: calibrated parameters fixed at their estimates (free with ``joint``)."""
         known = {} if self.settings.joint else calibrated_values(self.calibrations)
         free = [name for name in self.space.names if name not in known]
-        if not free:
+        populations = hyperparameters(self.scoped)
+        if not free and not (populations and self.start):
             message = "fixes every parameter of the search; the calibration stages estimate the others"
             raise InputError.of("--fix", message, "Leave one more free, or add --joint")
-        means = {one.name: one.nominal for one in hyperparameters(self.scoped)}
+        means = {one.name: (self.start or {}).get(one.name, one.nominal) for one in populations}
         fixed = {**known, **self.settings.fixed, **means}
-        space = ParameterSpace((*self.space.subset(free).parameters, *self.fitted.parameters))
+        # where all that is free is drawn from populations, these are what there is to look for
+        searched = self.space.subset(free).parameters or populations
+        space = ParameterSpace((*searched, *self.fitted.parameters))
         model, campaign, jobs = self.model, self.campaign, self.settings.jobs
         return build_problem(model, campaign, space=space, fixed=fixed, leads=self.leads, known=self.known, jobs=jobs)
 
@@ -82,6 +87,7 @@ def set_up_problem(
     space: ParameterSpace | None = None,
     done: Sequence[Calibration] = (),
     leads: Mapping[str, float] = MappingProxyType({}),
+    start: Mapping[str, float] | None = None,
 ) -> ProblemSetup:
     """Choose tests and free parameters, and fit the calibration stages.
 
@@ -98,6 +104,8 @@ def set_up_problem(
         Stages fitted to this campaign before; those that are the same are not fitted again.
     leads
         Time that the periodic inputs of tests act on the model before the first sample, s.
+    start
+        Values by name to start from: in place of a search, and beside the starts of the stages.
 
     Raises
     ------
@@ -109,15 +117,19 @@ def set_up_problem(
     shared, own = scoped(free_space(model, settings))
     space = space or shared
     _refuse_calibrated(model, own)
-    calibrations, warnings = calibrate(model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done)
+    calibrations, warnings = calibrate(
+        model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done, start=start or {}
+    )
     warnings = [*warnings, *_unmeasured(model, selected)]
-    return ProblemSetup(model, settings, selected, space, own, tuple(calibrations), tuple(warnings), dict(leads))
+    return ProblemSetup(
+        model, settings, selected, space, own, tuple(calibrations), tuple(warnings), dict(leads), start=start
+    )
 
 
 def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:
     """Scoped parameters that a stage calibrates have no value of their own in the stage's tests."""
     for stage in model.stages:
-        names = {p.name for p in find_model(stage.model).parameters} & {*own.names}
+        names = {p.name for p in stage_model(stage, model).parameters} & {*own.names}
         raise_errors(
             Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
             for name in sorted(names)

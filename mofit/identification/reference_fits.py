@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +10,15 @@ import xarray as xr
 
 from mofit.data import Campaign
 from mofit.identification.allowance import enough_alone
+from mofit.identification.calibration import stage_model
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.refinement import refined
 from mofit.identification.result import LocalFit, Located
 from mofit.identification.result_tree.comparison import baseline_groups, per_frequency
 from mofit.identification.settings import Settings
 from mofit.identification.stages import fit, starts_of
-from mofit.models import Model, find_model
-from mofit.problem import adjusted_posterior
+from mofit.models import Model, find_model, laws_of, with_laws
+from mofit.problem import Problem, adjusted_posterior
 from mofit.runtime.progress import StageTimer
 from mofit.simulation import measured_outputs
 
@@ -39,12 +40,13 @@ def fit_references(
     """
     timer = StageTimer()
     groups: dict[str, xr.Dataset] = {}
-    if enough_alone(located.searched):
+    if located.searched.simulator.free and enough_alone(located.searched):
         with timer.measure("per_frequency"):
-            groups = {"/per_frequency": per_frequency(located.searched, _each_alone(located))}
+            searched, fits = _each_alone(located)
+            groups = {"/per_frequency": per_frequency(searched, fits)}
     if model.baseline is not None:
         with timer.measure("baseline"):
-            main, reference = located.searched, find_model(model.baseline)
+            main, reference = located.searched, with_laws(find_model(model.baseline), laws_of(model))
             tests = [m.name for m in main.measurements if measured_outputs(reference, m)]
             if tests:
                 # the fit itself is not kept: it goes before its stage ends
@@ -52,14 +54,17 @@ def fit_references(
     return groups, timer.seconds
 
 
-def _each_alone(located: Located) -> dict[str, LocalFit]:
-    """Every test alone, as in the paper's Table 4: refined from the minima that the search found for any test.
+def _each_alone(located: Located) -> tuple[Problem, dict[str, LocalFit]]:
+    """What is searched of every test alone, and the fit of each, as in the paper's Table 4.
 
-    A single sine hardly informs some parameters, so the fixed ones take their estimates from all tests.
+    Each is refined from the minima that the search found for any test. A single sine hardly informs some parameters, so
+    the fixed ones take their estimates from all tests, and so do the coefficients of laws: a test has one value of
+    every condition.
     """
     space = located.posterior.space
     best = dict(zip(space.names, space.from_unit(located.minima[0].point), strict=True))
-    searched, (starts, _) = located.searched.with_fixed(best), starts_of(located.search)
+    searched, starts = _without_coefficients(located, best), starts_of(located.search)[0]
+    starts = starts[:, [located.searched.space.index(name) for name in searched.space.names]]
     fits = {}
     for test in searched.tests:
         alone = searched.select([test])
@@ -68,7 +73,17 @@ def _each_alone(located: Located) -> dict[str, LocalFit]:
         fits[test] = LocalFit(
             problem, tuple(replace(m, hessian=adjusted_posterior(problem, m.point).hessian) for m in minima)
         )
-    return fits
+    return searched, fits
+
+
+def _without_coefficients(located: Located, best: Mapping[str, float]) -> Problem:
+    """What is searched, without the coefficients of laws, which are at their best."""
+    searched = located.searched.with_fixed(best)
+    names = {name for law in laws_of(searched.model) for name in law.coefficients}
+    if not names:
+        return searched
+    kept = [name for name in searched.space.names if name not in names]
+    return searched.with_free(searched.space.subset(kept), {**searched.layout.fixed, **best})
 
 
 def _baseline(
@@ -77,7 +92,7 @@ def _baseline(
     """The baseline model, identified in the same way."""
     names = {parameter.name for parameter in reference.parameters}
     stages = () if settings.joint else reference.stages
-    staged = {parameter.name for stage in stages for parameter in find_model(stage.model).parameters}
+    staged = {parameter.name for stage in stages for parameter in stage_model(stage, reference).parameters}
     # what is fixed for the model is fixed for the baseline too, unless nothing would be left to search
     fixed = settings.fixed if names - staged - set(settings.fixed) else {}
     own = replace(

@@ -14,6 +14,7 @@ from mofit.data import Campaign
 from mofit.identification.calibration import Calibration
 from mofit.identification.emulation import EmulatorCheck
 from mofit.identification.findings import Finding
+from mofit.identification.law_study import LawStudy
 from mofit.optimize import Minimum, Profile, SearchResult
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem
 from mofit.sampling import Chains, Evidence
@@ -84,6 +85,8 @@ class Located:
     """All refined minima of the posterior, best first."""
     warnings: tuple[str, ...]
     """Sentences on stages without tests and on ranges that were widened."""
+    findings: tuple[Finding, ...]
+    """What a reader must know before the numbers, as far as the stage knows."""
 
     @property
     def problem(self) -> Problem:
@@ -101,10 +104,10 @@ class IdentificationResult(Located):
     """The plausible minima, sampled; most probable first."""
     references: Mapping[str, xr.Dataset]
     """Groups of the result tree with the reference fits, see `mofit.identification.reference_fits`."""
-    findings: tuple[Finding, ...]
-    """What a reader must know before the numbers."""
     seconds: Mapping[str, float]
     """Per stage."""
+    study: LawStudy | None = None
+    """What every combination of conditions told alone, where parameters follow laws over conditions."""
 
     @property
     def converged(self) -> bool:

@@ -47,6 +47,11 @@ class Settings:
         ``"test"`` or the name of a condition, for parameters that have one value of each.
     pooled
         Scoped parameters whose values are drawn from a normal, whose mean and spread are estimated.
+    over
+        Conditions over which the parameters of the campaign follow laws.
+    laws
+        Law of a parameter (``name``) or of it over one condition (``name@condition``), or several by commas, of which
+        the evidence chooses; where none is said it chooses of constant, linear, quadratic and free.
     least_probability
         Modes of less posterior probability (Laplace approximation) are listed, not sampled.
     most_modes
@@ -72,6 +77,8 @@ class Settings:
     fixed: Mapping[str, float] = field(default_factory=dict)
     scopes: Mapping[str, str] = field(default_factory=dict)
     pooled: tuple[str, ...] = ()
+    over: tuple[str, ...] = ()
+    laws: Mapping[str, str] = field(default_factory=dict)
     least_probability: float = 1e-3
     most_modes: int = 6
     sampling: SampleSettings = field(default_factory=SampleSettings)
@@ -91,7 +98,8 @@ class Settings:
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
         found = {key: value for key, value in asdict(self).items() if key not in WITHOUT_EFFECT}
-        return {key: value for key, value in found.items() if key != "simulations" or value is not None}
+        left_out: dict[str, object] = {"simulations": None, "over": (), "laws": {}}
+        return {key: value for key, value in found.items() if key not in left_out or value != left_out[key]}
 
     def __post_init__(self) -> None:
         checks = [
@@ -103,6 +111,8 @@ class Settings:
             ("evaluations", self.evaluations is None or self.evaluations >= 50, "Give at least 50"),
         ]
         check_settings("identification", self, checks)
+        if self.laws and not self.over:
+            raise InputError.of("--law", "given without --over", "Name the conditions that parameters follow: --over …")
         raise_errors(
             Issue(f"{option} {name}={value:g}", "is not a finite number", "Give a number")
             for option, given in (("--fix", self.fixed), ("--weights", self.weights))
@@ -148,6 +158,6 @@ def free_space(model: Model, settings: Settings) -> ParameterSpace:
 
 
 def _with_one_shared(space: ParameterSpace) -> ParameterSpace:
-    if all(p.per != PER_CAMPAIGN for p in space.parameters):
+    if all(p.per != PER_CAMPAIGN and not p.pooled for p in space.parameters):
         raise InputError.of("--per-test", "no parameter is left that the tests share", "Leave one to the campaign")
     return space

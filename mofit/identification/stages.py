@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -15,6 +15,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
 from mofit.identification.descents import few_starts, settings_for
+from mofit.identification.findings import Finding
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.refinement import log_evidence, plausible, refined, with_calibrated_free
@@ -28,7 +29,7 @@ from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
-from mofit.optimize import STAGES, Minimum, SearchResult, merge, refine
+from mofit.optimize import STAGES, Minimum, SearchResult, merge, only_point, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
@@ -39,10 +40,12 @@ P = TypeVar("P", bound=CampaignPosterior)
 #: Hears of a problem and of the minima (k, d) that the search has found.
 Searched = Callable[[Problem, FloatArray], None]
 
-#: What is said where there was no time to refine and to look whether ranges are wide enough.
-TIME_IS_UP = (
+#: Found where there was no time to refine and to look whether ranges are wide enough.
+TIME_IS_UP = Finding(
+    "time limit",
+    "caution",
     "The time limit came before the minima were refined and their ranges seen to be wide enough: give more time, or "
-    "narrow the ranges (--bounds)."
+    "narrow the ranges (--bounds).",
 )
 #: Distance, in standard deviations, within which a minimum lies in a valley that leads past it.
 IN_VALLEY = 5.0
@@ -58,20 +61,22 @@ def locate_minima(
     progress: Progress = silent,
     searched: Searched = lambda problem, points: None,
     until: float = math.inf,
+    start: Mapping[str, float] | None = None,
 ) -> Located:
     """Calibrate, search and refine; see `mofit.identification.identify` for the parameters.
 
-    ``searched`` is called with the problem and the minima (k, d) as soon as the first search has found them. From the
-    time ``until`` of `time.monotonic` on, refinements end where they are and ranges are not widened.
+    With a ``start``, values of the parameters by name, that is refined, nothing searched. ``searched`` is called with
+    the problem and the minima (k, d) as soon as the first search has found them. From the time ``until`` of
+    `time.monotonic` on, refinements end where they are and ranges are not widened.
     """
     timer = timer or StageTimer()
     with timer.measure("calibrate"):
         progress("calibrate", 0, 1, ", ".join(stage.title for stage in model.stages))
-        setup = set_up_problem(model, campaign, settings, tests)
-    located, notes = _located(setup, timer, progress, until, searched), list[str]()
+        setup = set_up_problem(model, campaign, settings, tests, start=start)
+    located, notes, found = _located(setup, timer, progress, until, searched), list[str](), tuple[Finding, ...]()
     for widen in (led_setup, wider_scoped, partial(wider_setup, campaign=campaign, tests=tests)):
         if time.monotonic() > until:
-            notes.append(TIME_IS_UP)
+            found = (TIME_IS_UP,)
             break
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
@@ -83,7 +88,7 @@ def locate_minima(
         setup, notes = wider, [*notes, *map(str, new)]
         located = _located(setup, timer, progress, until)
     check_left(located.problem)
-    return replace(located, warnings=(*located.warnings, *notes)) if notes else located
+    return replace(located, warnings=(*located.warnings, *notes), findings=found)
 
 
 def _located(
@@ -98,14 +103,26 @@ def _located(
         searched, posterior = setup.searched, setup.posterior
         keep_for_sampling(searched)
     with timer.measure("search"):
-        found, weights = search(searched, setup.settings, partial(progress, "search"))
+        found, weights = _started(searched, setup) or search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
         starts = few_starts(searched, *starts_of(found))
         tell(searched, starts[0])
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, *starts, until)
         posterior, minima = with_calibrated_free(posterior, searched, rough, until)
-    return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings)
+    return Located(setup.calibrations, searched, found, weights, posterior, minima, setup.warnings, ())
+
+
+def _started(searched: Problem, setup: ProblemSetup) -> tuple[SearchResult, FloatArray] | None:
+    """In place of a search, the point to start from; None where there is none."""
+    if setup.start is None:
+        return None
+    space = searched.space
+    values = [setup.start.get(one.name, one.nominal) for one in space.parameters]
+    point = np.clip(space.to_unit(np.clip(values, space.lower, space.upper)), 0.0, 1.0)
+    weights = search_weights(searched, setup.settings.weights)
+    with explained(searched):
+        return only_point(searched.objectives, point, weights), weights
 
 
 def find_modes(

@@ -74,7 +74,7 @@ def wider_setup(
         wider = set_up_problem(
             setup.model, campaign, setup.settings, tests, space=space, done=setup.calibrations, leads=setup.leads
         )
-        wider = replace(wider, scoped=setup.scoped, known=posterior.main.experiments)
+        wider = replace(wider, scoped=setup.scoped, known=posterior.main.experiments, start=setup.start)
         target = wider.posterior.with_noise(noise)
         starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])

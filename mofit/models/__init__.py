@@ -3,6 +3,18 @@
 from mofit.models.black_box import Record, Simulator
 from mofit.models.black_box_system import BlackBoxSystem
 from mofit.models.effect import Addition, Effect, Scaling, incompatibility, with_effects
+from mofit.models.law import (
+    CONSTANT,
+    FORMS,
+    FREE,
+    Law,
+    as_laws,
+    law_issues,
+    law_parameters,
+    laws_of,
+    values_under,
+    with_laws,
+)
 from mofit.models.model import TARGET_UNIT, Applied, Channel, Condition, Equations, MaxwellBranch, Model, Stage, Symbols
 from mofit.models.part_drift import drifts_of
 from mofit.models.registry import default_model, effect_names, find_effect, find_model, model_names
@@ -10,6 +22,9 @@ from mofit.models.system import build_system
 from mofit.models.vector_form import System
 
 __all__ = [
+    "CONSTANT",
+    "FORMS",
+    "FREE",
     "TARGET_UNIT",
     "Addition",
     "Applied",
@@ -18,6 +33,7 @@ __all__ = [
     "Condition",
     "Effect",
     "Equations",
+    "Law",
     "MaxwellBranch",
     "Model",
     "Record",
@@ -26,6 +42,7 @@ __all__ = [
     "Stage",
     "Symbols",
     "System",
+    "as_laws",
     "build_system",
     "default_model",
     "drifts_of",
@@ -33,6 +50,11 @@ __all__ = [
     "find_effect",
     "find_model",
     "incompatibility",
+    "law_issues",
+    "law_parameters",
+    "laws_of",
     "model_names",
+    "values_under",
     "with_effects",
+    "with_laws",
 ]

@@ -12,9 +12,11 @@ from typing import Any, TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
+from scipy.interpolate import PPoly
 
 from mofit._typing import FloatArray
 from mofit.errors import Issue, raise_errors
+from mofit.models.interpolation import input_curve
 from mofit.models.model import TIME, Channel, Condition, Equations, Model, Symbols
 from mofit.parameters import Parameter
 
@@ -35,11 +37,25 @@ class Record:
     """Every input over time by name, each (n,)."""
     conditions: Mapping[str, float]
     """Constants of the test by name."""
+    interpolation: str = "cubic"
+    """Of the inputs between samples: "cubic", "linear" or "hold", as the campaign says."""
+
+    def curve(self, name: str) -> PPoly:
+        """An input over time: ``record.curve("displacement")(t)`` is its value at t, s, between samples too."""
+        return self._curves[name]
+
+    @cached_property
+    def _curves(self) -> dict[str, PPoly]:
+        step = float(self.time[1] - self.time[0]) if len(self.time) > 1 else 1.0
+        return {
+            name: input_curve(step, np.asarray(values)[:, None], self.interpolation)
+            for name, values in self.inputs.items()
+        }
 
     @cached_property
     def digest(self) -> bytes:
         """Hash of all that a simulation can depend on."""
-        found = sha256(np.ascontiguousarray(self.time).tobytes())
+        found = sha256(self.interpolation.encode() + np.ascontiguousarray(self.time).tobytes())
         for name, values in sorted(self.inputs.items()):
             found.update(name.encode() + np.ascontiguousarray(values).tobytes())
         for name, value in sorted(self.conditions.items()):

@@ -46,8 +46,8 @@ class Effect(ABC):
         where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
-    of_rig
-        Whether the rig or the measuring chain adds it; else the model lacks it.
+    of_rig, part_of_name
+        Whether the rig or the measuring chain adds it, else the model lacks it; whether the extended model names it.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Effect(ABC):
     conditions: tuple[Condition, ...] = ()
     candidate: bool = True
     of_rig: bool = False
+    part_of_name: bool = True
 
     @abstractmethod
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
@@ -174,8 +175,10 @@ class ExtendedModel(Model):
     def __init__(self, base: Model, effects: Sequence[tuple[Effect, str]]) -> None:
         self.base, self.effects = base, tuple(effects)
         own = [effect for effect, _ in self.effects]
-        self.name = "+".join([base.name, *(effect.name for effect in own)])
-        self.title = f"{base.title or base.name} with {', '.join(effect.title or effect.name for effect in own)}"
+        named = [effect for effect in own if effect.part_of_name]
+        self.name = "+".join([base.name, *(effect.name for effect in named)])
+        with_these = f" with {', '.join(effect.title or effect.name for effect in named)}" if named else ""
+        self.title = (base.title or base.name) + with_these
         units = [_units_of(base, target) for _, target in self.effects]
         self.parameters = base.parameters + _with_units([effect.parameters for effect in own], units)
         self.states = base.states + _with_units([effect.states for effect in own], units)

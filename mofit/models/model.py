@@ -176,6 +176,10 @@ class Symbols:
         self.quantities[name] = value
         return value
 
+    def define(self, name: str, value: ca.SX) -> None:
+        """Announce a quantity that equations read as ``s.NAME``: a parameter at the conditions of the test, say."""
+        self._values[name] = self.quantity(name, value)
+
     @property
     def unannounced(self) -> list[str]:
         """Quantities that an effect acts on and that no equation announced, sorted."""

@@ -87,15 +87,20 @@ def default_model(channels: Iterable[str]) -> Model:
         If no model that is a default has all its inputs and outputs among them, or several have.
     """
     have = set(channels)
-    found = [
-        kind
-        for kind in _shipped(Model).values()
-        if kind.default and {c.name for c in (*kind.inputs, *kind.outputs) if not c.derivative_of} <= have
-    ]
+    fitting = {
+        kind: needed for kind in _shipped(Model).values() if kind.default and (needed := _channels(kind)) <= have
+    }
+    # one that takes all channels of another, and more, goes before it
+    found = [kind for kind, own in fitting.items() if not any(own < other for other in fitting.values())]
     if len(found) != 1:
         message = f"models {', '.join(kind.name for kind in found)} fit" if found else "no model is known for them"
         raise InputError.of(f"channels {', '.join(sorted(have))}", message, "Name --model")
     return found[0]()
+
+
+def _channels(kind: type[Model]) -> set[str]:
+    """Names of what is measured for a model."""
+    return {channel.name for channel in (*kind.inputs, *kind.outputs) if not channel.derivative_of}
 
 
 @cache

@@ -149,3 +149,11 @@ def weighted_sum(values: FloatArray, weights: FloatArray) -> FloatArray:
     used = weights > 0
     total = values[..., used] @ weights[used]
     return np.asarray(np.where(np.isfinite(total), total, np.inf))
+
+
+def only_point(objectives: Objectives, point: FloatArray, weights: ArrayLike | None = None) -> SearchResult:
+    """The result of a search that evaluates a single point (d,), which is known to be near the minimum."""
+    values = objectives(point[None])
+    first = np.zeros(1, dtype=np.int64)
+    cost = weighted_sum(values, normalised_weights(weights, values.shape[1]))
+    return SearchResult(point[None], values, cost, first, first, first, first, (Iteration(1, float(cost[0]), 1, 0.0),))

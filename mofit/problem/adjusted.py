@@ -58,6 +58,12 @@ class AdjustedPosterior:
             hessian + prior[2],
         )
 
+    def with_slopes_of(self, problem: CampaignPosterior) -> AdjustedPosterior:
+        """Of the same problem in another form, with the adjustment that its slopes ask for."""
+        centre = self.adjustment.centre
+        score = problem.score(centre)
+        return replace(self, problem=problem, score=score, adjustment=adjust(score, centre, with_gap=True))
+
     def unmapped(self) -> AdjustedPosterior:
         """The same for a valley that bends, which the map would distort."""
         adjustment = adjust(self.score, self.adjustment.centre, with_gap=True, mapped=False)

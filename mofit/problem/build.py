@@ -78,7 +78,8 @@ def build_problem(
         for measurement, analysis in zip(tests, signals, strict=True)
     )
     make = partial(ScopedSimulator, scopes=Scopes.of(own, tests)) if own.names else Simulator
-    simulator = make(system, experiments, shared.names, jobs=jobs, tolerance=TOLERANCE, box=layout.box())
+    simulated = [name for name in shared.names if name in system.parameters]  # means and spreads are of none
+    simulator = make(system, experiments, simulated, jobs=jobs, tolerance=TOLERANCE, box=layout.box())
     return Problem(
         model=model,
         system=system,

@@ -34,6 +34,8 @@ from mofit._typing import FloatArray
 _UPPER_END = 0.95
 #: Curvature below this share of the largest is that of a flat direction.
 _FLAT = 1e-12
+#: Degrees of freedom of what is known exactly.
+_EXACT = 1e6
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,8 @@ def adjust(score: Score, centre: FloatArray, with_gap: bool, mapped: bool = True
     """
     dimension = len(centre)
     normal, slope = score.normal.sum(axis=0), score.slope.sum(axis=0)
+    if not normal.any():  # nothing moves the squares: all that is free are means and spreads of populations
+        return Adjustment(centre, np.eye(dimension), 1.0, np.zeros(dimension), np.zeros_like(normal), _EXACT)
     parts = [*score.noise, *(score.gap if with_gap else [])]
     freedoms = np.array([*score.freedom, *([score.gap_freedom] * len(score.gap) if with_gap else [])])
     scatter = np.sum(parts, axis=0)
@@ -165,4 +169,4 @@ def _freedom(parts: list[FloatArray], freedoms: FloatArray, inverse_root: FloatA
     """Of a sum of estimated covariances (Satterthwaite), on average over the directions."""
     shares = np.array([np.trace(inverse_root @ part @ inverse_root) for part in parts])
     total = float(np.sum(shares**2 / freedoms))
-    return float(np.sum(shares) ** 2 / total) if total > 0 else 1e6
+    return float(np.sum(shares) ** 2 / total) if total > 0 else _EXACT

@@ -106,6 +106,8 @@ def calibration_section(run: Run) -> Section | None:
         "Each stage with its fitted curve. Below: the residual.",
         good="the residual scatters around zero without a shape.",
         bad="the residual bends: the form of the curve does not suit this specimen over the whole range.",
+        finding="; ".join(f"{stage.name} leaves {percent(stage.nrmsd)} of the range" for stage in stages).capitalize()
+        + ".",
     )
     text = Text(
         "These stages estimate some parameters before the search, each from tests made for it. The posterior of the "

@@ -9,6 +9,7 @@ from mofit.report.corner import corner_section
 from mofit.report.directions import directions_section, posterior_section
 from mofit.report.errors import errors_section
 from mofit.report.estimates import estimates_section
+from mofit.report.laws import laws_section
 from mofit.report.method import provenance_section, run_method_section, uncertainty_method_section
 from mofit.report.per_test import per_test_section
 from mofit.report.predicted import held_out_section
@@ -25,6 +26,7 @@ CONTENTS = {
     "report": (
         summary_section,
         estimates_section,
+        laws_section,
         errors_section,
         signals_section,
         held_out_section,

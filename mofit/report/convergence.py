@@ -14,7 +14,7 @@ from mofit.report.run import Mode, Run, numbers
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, parameter_column, tabs
 from mofit.report.toolkit.figures import Panels, line_key, mode_colour
-from mofit.report.toolkit.formatting import count, math_symbol, number, whole_percent
+from mofit.report.toolkit.formatting import count, math_symbol, number, symbol, whole_percent
 
 R_HAT_LIMIT = 1.01
 ESS_LIMIT = 1000.0
@@ -110,6 +110,17 @@ def _verdict(length: float, ess: float, r_hat: float) -> Markup:
     return badge("short chains", "fair") if length < LENGTH_LIMIT else badge("good", "good")
 
 
+def _least_alike(traces: Traces, mode: Mode) -> Markup:
+    """The parameter of the largest R-hat."""
+    r_hat = mode.array("r_hat")
+    if not np.isfinite(r_hat).any():
+        return Markup("")
+    k = int(np.nanargmax(r_hat))
+    return Markup("The ensembles agree least about {}: R-hat {}.").format(
+        symbol(traces.parameters[k]), number(float(r_hat[k]), 4)
+    )
+
+
 def _figure(traces: Traces, mode: Mode) -> Figure:
     legend: list[Any] = [line_key(mode_colour(k), f"ensemble {k + 1}") for k in range(traces.middle.shape[0])]
     panels = Panels(len(traces.parameters), 3, 1.5, legend=legend, gap=(0.75, 0.6))
@@ -121,4 +132,5 @@ def _figure(traces: Traces, mode: Mode) -> Figure:
         "Median (thick) and 5–95 % range (thin) of the walkers of each ensemble over the steps that were kept.",
         good="all ensembles overlap and run level from start to end.",
         bad="a colour that runs apart, drifts or jumps: the ensembles do not sample the same distribution yet.",
+        finding=_least_alike(traces, mode),
     )

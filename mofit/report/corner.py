@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 
@@ -13,7 +14,7 @@ from mofit._typing import FloatArray
 from mofit.report.run import Mode, Run
 from mofit.report.toolkit.blocks import Figure, Section, tabs
 from mofit.report.toolkit.figures import MEASURED, SOFT, WIDTH, Panels
-from mofit.report.toolkit.formatting import Unit, math_symbol, number
+from mofit.report.toolkit.formatting import Unit, math_symbol, number, symbol
 
 _BINS = 64
 _LEVELS = (0.95, 0.68, 0.39)
@@ -173,12 +174,24 @@ def tick_texts(low: float, median: float, high: float) -> tuple[tuple[str, str],
     return texts, False
 
 
+def _closest(corner: Corner) -> Markup:
+    """The two parameters with the strongest correlation."""
+    size = np.abs(np.tril(np.nan_to_num(corner.correlation), -1))
+    j, k = np.unravel_index(np.argmax(size), size.shape)
+    if not size[j, k]:
+        return Markup("")
+    return Markup("{} and {} are correlated most: {}.").format(
+        symbol(corner.parameters[k]), symbol(corner.parameters[j]), number(float(corner.correlation[j, k]), 2)
+    )
+
+
 def corner_figure(run: Run, mode: Mode) -> Figure:
     """The corner plot with its caption; a cell is as large as the number of parameters allows."""
     d, left = len(mode.parameters), 0.75
     cell = min((WIDTH - left - 0.1) / d, 2.3)
     panels = Panels(1, 1, d * cell, margin=(left, 0.7, WIDTH - left - d * cell))
-    draw_corner(extract_corner(run, mode), mode.colour, panels.axes[0])
+    corner = extract_corner(run, mode)
+    draw_corner(corner, mode.colour, panels.axes[0])
     return panels.figure(
         f"Corner plot of the posterior of mode {mode.name}",
         "Joint posterior of each pair of parameters. The shades hold 39, 68 and 95 % of the draws. The cross is the "
@@ -186,6 +199,8 @@ def corner_figure(run: Run, mode: Mode) -> Figure:
         "correlations. Each axis shows the central 99 % of the draws.",
         good="round, compact shapes with the cross in the darkest part.",
         bad="long thin ridges (correlated parameters), curved shapes, or shapes truncated by a bound.",
+        finding=_closest(corner),
+        explore=False,
     )
 
 

@@ -11,6 +11,7 @@ from mofit._typing import FloatArray
 from mofit.report.run import Run
 from mofit.report.toolkit.axes import axis_of_frequencies, axis_of_tests, log_if_wide
 from mofit.report.toolkit.blocks import Column, Figure, Section, Table, swatch, words
+from mofit.report.toolkit.description import keyed, test_of
 from mofit.report.toolkit.figures import BASELINE, FLOOR, Panels, band_key, line_key, mode_colour
 from mofit.report.toolkit.formatting import compact, display_unit, number, percent
 
@@ -59,7 +60,8 @@ def draw_errors(errors: Errors, chosen: np.ndarray, over_frequency: bool, axes: 
     for k, curve in reversed([*enumerate(curves[:-1])]):
         size, width = (5.5, 1.8) if k == 0 else (4, 1.0)
         line = "-" if over_frequency else "none"
-        axes.plot(x, curve, color=mode_colour(k), ls=line, marker="o", ms=size, lw=width)
+        (dots,) = axes.plot(x, curve, color=mode_colour(k), ls=line, marker="o", ms=size, lw=width)
+        keyed(dots, test=[test_of(errors.tests[test]) for test in order])
     log_if_wide(axes, np.concatenate([floor[order], *curves]))
     axes.set_ylabel("NRMSD (%)")
     return axes
@@ -83,6 +85,18 @@ def _groups(run: Run, errors: Errors) -> list[tuple[str, np.ndarray, bool]]:
     return [group for group in groups if group[1].any()]
 
 
+def _largest(errors: Errors) -> str:
+    """The test with the largest error of the best mode, beside its noise floor and the baseline."""
+    best = next(iter(errors.models.values()))
+    if not np.isfinite(best).any():
+        return ""
+    k = int(np.nanargmax(best))
+    floor, baseline = errors.noise_floor[k], errors.baseline[k]
+    text = f"The error is largest in {errors.tests[k]}: {percent(best[k])}"
+    text += f", {number(best[k] / floor)}× its noise floor" if floor > 0 else ""
+    return text + (f"; {errors.baseline_title} has {percent(baseline)} there." if np.isfinite(baseline) else ".")
+
+
 def _figure(run: Run, errors: Errors) -> Figure:
     groups = _groups(run, errors)
     legend = [line_key(mode_colour(k), f"model, {name}", marker="o") for k, name in enumerate(errors.models)]
@@ -100,6 +114,7 @@ def _figure(run: Run, errors: Errors) -> Figure:
         "area is the noise floor: what remains if the model is exactly right.",
         good="the model lies on the edge of the shaded area at every test, well below the baseline.",
         bad="the curve climbs away from the noise floor at one end: the model lacks an effect that matters there.",
+        finding=_largest(errors),
     )
 
 

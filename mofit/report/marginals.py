@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullLocator
 
@@ -15,7 +16,7 @@ from mofit.report.run import Run
 from mofit.report.toolkit.axes import few_ticks, without_ordinate
 from mofit.report.toolkit.blocks import Figure
 from mofit.report.toolkit.figures import Panels, band_key
-from mofit.report.toolkit.formatting import compact, parameter_label
+from mofit.report.toolkit.formatting import compact, parameter_label, percent, symbol
 
 _BINS = 48
 _TAIL = 0.001
@@ -134,6 +135,15 @@ def _log_ticks(low: float, high: float) -> FixedLocator | LogLocator:
     return FixedLocator([float(tick) for tick in ticks if low <= tick <= high])
 
 
+def widest(marginals: list[Marginal]) -> Markup:
+    """The parameter of which the 90 % interval fills most of the prior box."""
+    shares = [high - low for low, high in (next(iter(marginal.place.values())) for marginal in marginals)]
+    k = int(np.argmax(shares))
+    return Markup("The widest is {}: its 90 % interval fills {} of the prior box.").format(
+        symbol(marginals[k].parameter), percent(shares[k])
+    )
+
+
 def marginals_figure(run: Run, marginals: list[Marginal]) -> Figure:
     """A panel per parameter with its strip."""
     colours = {mode.name: mode.colour for mode in run.shown}
@@ -150,4 +160,5 @@ def marginals_figure(run: Run, marginals: list[Marginal]) -> Figure:
         good="narrow peaks that cover a small part of the strip.",
         bad="a flat shape over the whole strip (the data do not identify the parameter), or a peak that a bound "
         "truncates.",
+        finding=widest(marginals),
     )

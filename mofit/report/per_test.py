@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -13,8 +14,18 @@ from mofit._typing import FloatArray
 from mofit.report.run import Run, labels, numbers
 from mofit.report.toolkit.axes import all_differ, axis_of_frequencies, axis_of_tests, few_ticks, heat_map, log_axis
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text
+from mofit.report.toolkit.description import keyed, test_of
 from mofit.report.toolkit.figures import MEASURED, Panels, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import compact, math_symbol, parameter_head, parameter_label, percent, plus_minus
+from mofit.report.toolkit.formatting import (
+    compact,
+    math_symbol,
+    number,
+    parameter_head,
+    parameter_label,
+    percent,
+    plus_minus,
+    symbol,
+)
 
 _LOG_FROM = 8.0
 """Ratio of the largest to the smallest estimate from which the axis of a log-scaled parameter is logarithmic."""
@@ -98,7 +109,8 @@ def _draw_per_test(run: Run, found: PerTest, k: int, axes: Axes) -> Axes:
     for rank in range(found.value.shape[1] - 1, 0, -1):
         axes.plot(x, found.value[:, rank, k], ls="none", marker="o", ms=5, mfc="white", mec=MEASURED, mew=0.9)
     axes.vlines(x, *bars, color=MEASURED, lw=1.0)
-    axes.plot(x, first, ls="none", marker="o", ms=5, mfc=MEASURED, mec=MEASURED, mew=0.9)
+    (dots,) = axes.plot(x, first, ls="none", marker="o", ms=5, mfc=MEASURED, mec=MEASURED, mew=0.9)
+    keyed(dots, test=found.tests)
     few_ticks(axes, None, 5)
     values = found.value[:, :, k]
     finite = values[np.isfinite(values)]
@@ -113,6 +125,7 @@ def draw_leverage(found: Leverage, axes: Axes) -> Axes:
     limit = max(float(np.nanmax(np.abs(found.change))), _NOTABLE)
     symbols = [math_symbol(name) for name in found.parameters]
     heat_map(axes, -found.change.T, symbols, found.tests, cmap="PuOr", vmin=-limit, vmax=limit)
+    keyed(axes.xaxis, test=[test_of(name) for name in found.tests])
     axes.tick_params(axis="x", rotation=35 if len(found.tests) > 10 else 0)
     for (t, k), change in np.ndenumerate(found.change):
         if np.isfinite(change) and abs(change) >= _NOTABLE:
@@ -135,6 +148,19 @@ def per_test_panels(run: Run, found: PerTest, best: str, others: str) -> Panels:
     return panels
 
 
+def farthest(found: PerTest) -> Markup:
+    """The estimate of a single test that is farthest from the joint one, in its own standard deviations."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = np.abs(found.value[:, 0] - found.joint[:, 0]) / found.sd[:, 0]
+    away = np.where(np.isfinite(away), away, 0.0)
+    t, k = np.unravel_index(np.argmax(away), away.shape)
+    if not away[t, k]:
+        return Markup("No single test has a standard deviation to compare by.")
+    return Markup("{} is farthest from the joint estimate in {}: {} of its standard deviations.").format(
+        symbol(found.parameters[k]), found.tests[t], number(float(away[t, k]), 2)
+    )
+
+
 def per_test_section(run: Run) -> Section | None:
     """Figure and table of the minima of single tests, and the leverage of each test."""
     found = extract_per_test(run)
@@ -146,6 +172,7 @@ def per_test_section(run: Run) -> Section | None:
         good="the points scatter around the line within their bars.",
         bad="the points drift with frequency beyond their bars: the parameter compensates for an effect that the "
         "model lacks.",
+        finding=farthest(found),
     )
     blocks: list[Block] = [
         Text(
@@ -194,6 +221,14 @@ def _table(run: Run, found: PerTest) -> Table:
     )
 
 
+def _strongest(found: Leverage) -> Markup:
+    t, k = np.unravel_index(np.nanargmax(np.abs(np.nan_to_num(found.change))), found.change.shape)
+    way = "larger" if found.change[t, k] < 0 else "smaller"
+    return Markup("{} asks most: a {} {} by one standard deviation would lessen its error by {}.").format(
+        found.tests[t], way, symbol(found.parameters[k]), percent(abs(float(found.change[t, k])))
+    )
+
+
 def _leverage_figure(run: Run, found: Leverage) -> Figure:
     """Heat map with a cell per test and parameter."""
     panels = Panels(1, 1, 0.3 * len(found.parameters) + 0.2, margin=(0.75, 0.45, 0.15), top=0.15)
@@ -205,4 +240,5 @@ def _leverage_figure(run: Run, found: Leverage) -> Figure:
         good="small numbers without a pattern: the tests agree on the parameter.",
         bad="one end of the frequency range prefers a larger value, the other a smaller one: the joint value is a "
         "compromise, and the model lacks what changes between them.",
+        finding=_strongest(found),
     )

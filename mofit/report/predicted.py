@@ -15,7 +15,7 @@ from mofit.report.overlay import headed
 from mofit.report.run import Run
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, words, wrapped
-from mofit.report.toolkit.figures import MEASURED, Panels, band_key, line_key, mode_colour
+from mofit.report.toolkit.figures import MEASURED, Panels, band_key, line_key, mode_colour, panel_of
 from mofit.report.toolkit.formatting import Unit, display_unit, number, percent, symbol
 from mofit.results import SCOPED_SOURCES, prediction_rows
 
@@ -81,10 +81,23 @@ def draw_band(one: Predicted, unit: Unit, axes: Axes, lower: Axes) -> None:
         panel.plot(time, unit.factor * (one.median - base), color=colour, lw=1.0, **dense)
         if np.isfinite(one.measured).any():
             panel.plot(time, unit.factor * (one.measured - base), color=MEASURED, lw=0.8, **dense)
-    axes.set_title(one.name)
+    panel_of(axes, one.name.removesuffix(", detail"), one.name)
     axes.set_xlim(time[0], time[-1])
     few_ticks(axes)
     few_ticks(lower, None, 2)
+
+
+def _inside(tests: Sequence[Predicted]) -> str:
+    """The share of measured samples within the light band, where it is smallest."""
+    shares = {
+        one.name: float(np.mean(((one.measured >= one.low) & (one.measured <= one.high))[np.isfinite(one.measured)]))
+        for one in tests
+        if np.isfinite(one.measured).any()
+    }
+    if not shares:
+        return "Nothing was measured here to compare with."
+    worst = min(shares, key=lambda name: shares[name])
+    return f"Fewest measured samples lie in the 90 % band in {worst}: {percent(shares[worst])}."
 
 
 def _figure(tests: Sequence[Predicted], output: str) -> Figure:
@@ -108,6 +121,7 @@ def _figure(tests: Sequence[Predicted], output: str) -> Figure:
         good="nine of ten measured samples lie in the light band, evenly along the record.",
         bad="the measured output leaves the band for whole stretches: there the model misses something that the "
         "identified tests did not show.",
+        finding=_inside(shown),
     )
 
 

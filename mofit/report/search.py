@@ -13,8 +13,9 @@ from mofit.report.run import Run, labels, numbers
 from mofit.report.search_map import SearchMap, extract_search, extract_swarm, map_figure, moved, swarm_figure
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text
+from mofit.report.toolkit.description import bundled, keyed, test_of
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, line_key, mode_colour
-from mofit.report.toolkit.formatting import count, math_symbol, number
+from mofit.report.toolkit.formatting import count, math_symbol, number, percent
 from mofit.results import simulations, simulations_line
 
 
@@ -125,29 +126,47 @@ def _growth_figure(growth: Growth) -> Figure:
         few_ticks(axes)
     panels.label("evaluations")
     panels.axes[1].set_ylim(0, 1.02)
+    last = growth.evaluations[np.argmax(growth.best <= growth.best[-1] * (1 + 1e-9))]
     return panels.figure(
         "Best point and hypervolume of the front over the evaluations of the search",
         "Left: the best point so far. Right: the hypervolume, which is the share of the box from best to median of "
         "every objective that the front dominates. It grows as long as the front improves.",
         good="both curves are flat at the end: more evaluations would find nothing new.",
         bad="a curve still moves at the end: give the search a larger budget.",
+        finding=f"The best point has not changed since evaluation {count(last)} of {count(growth.evaluations[-1])}.",
     )
 
 
-def _draw_front(values: FloatArray, modes: dict[str, FloatArray], names: list[str], axes: Axes) -> Axes:
+def _draw_front(
+    values: FloatArray, modes: dict[str, FloatArray], names: list[str], axes: Axes, *, tests: bool = False
+) -> Axes:
     """Parallel coordinates: a line per point, a thick line per mode."""
     x = np.arange(values.shape[1])
-    lines = LineCollection([np.column_stack([x, row]) for row in values], cmap="Greys", lw=0.7, alpha=0.6)
+    lines = LineCollection(
+        [np.column_stack([x, row]) for row in values], cmap="Greys", lw=0.7, alpha=0.6, label="front"
+    )
     lines.set_array(np.linspace(0.3, 0.95, len(values)))
     lines.set_clim(0, 1)
     axes.add_collection(lines)
+    bundled(lines)
     for k, line in reversed([*enumerate(modes.values())]):
         axes.plot(x, line, color=mode_colour(k), lw=2.2, marker="o", ms=4)
     crowded = len(names) > 6
     axes.set_xticks(x, names, rotation=40 if crowded else 0, ha="right" if crowded else "center")
     axes.set_xlim(-0.15, max(len(names) - 0.85, 0.15))
+    if tests:
+        keyed(axes.xaxis, test=[test_of(name) for name in names])
     axes.grid(visible=True, axis="x")
     return axes
+
+
+def _torn(front: Front) -> str:
+    """How much the point that is best on the whole gives away at the test where it gives away most."""
+    least, best = front.nrmsd.min(axis=0), front.nrmsd[np.argmin(front.nrmsd.mean(axis=1))]
+    lost = best / np.maximum(least, np.finfo(float).tiny) - 1
+    k = int(np.argmax(lost))
+    smaller = percent(lost[k] / (1 + lost[k]))
+    return f"Its point gives away most at {front.objectives[k]}: the least error there is {smaller} smaller."
 
 
 def _front_figure(front: Front) -> Figure:
@@ -158,7 +177,7 @@ def _front_figure(front: Front) -> Figure:
     legend = [*legend[:4], line_key("#999999", "front", lw=1), line_key(FLOOR, "noise floor", lw=2)]
     panels = Panels(1 + both, 2, 2.5, legend=legend, margin=(0.65, 0.95, 0.15), gap=(0.8, 0.0))
     errors = {name: 100 * value for name, value in front.mode_nrmsd.items()}
-    left = _draw_front(100 * front.nrmsd[order], errors, front.objectives, panels.axes[0])
+    left = _draw_front(100 * front.nrmsd[order], errors, front.objectives, panels.axes[0], tests=True)
     left.plot(np.arange(len(front.objectives)), 100 * front.noise_floor, color=FLOOR, lw=2)
     left.set_ylabel("NRMSD (%)")
     left.set_ylim(0, 1.05 * 100 * float(np.nanmax(front.nrmsd)))
@@ -167,14 +186,17 @@ def _front_figure(front: Front) -> Figure:
         places = {name: place[front.moved] for name, place in front.mode_place.items()}
         right = _draw_front(front.place[order][:, front.moved], places, names, panels.axes[1])
         right.set_ylim(-0.02, 1.02)
-        right.set_yticks([0, 0.5, 1], ["lower\nbound", "", "upper\nbound"])
+        right.set_ylabel("place in the prior box")
+        right.set_yticks([0, 0.5, 1], ["lower", "", "upper"])
     best = number(100 * float(front.nrmsd.mean(axis=1).min()))
     return panels.figure(
         "Parallel coordinates of the non-dominated points",
-        f"Pareto front: {len(front.nrmsd)} points, none of them better than another at every test. The smallest mean "
-        f"NRMSD is {best} %. Left: the error of each point at each test. Right: its parameters within the prior box. "
-        "Dark is better.",
+        "Pareto front: points, none of them better than another at every test. Left: the error of each point at each "
+        "test. Right: its parameters within the prior box. Dark is better. Draw a box across some lines to keep those "
+        "that run through it.",
         good="the lines run close together: one set of parameters serves all tests.",
         bad="lines cross between tests on the left and diverge on the right: each test prefers other parameters; the "
         "model lacks something that changes between them.",
+        finding=f"{len(front.nrmsd)} points; the smallest mean NRMSD is {best} %. {_torn(front)}",
+        brush=True,
     )

@@ -15,7 +15,7 @@ from mofit.report.run import Run, labels, numbers
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Figure
 from mofit.report.toolkit.figures import BASELINE, MEASURED, MODE_COLOURS, Panels, dot_key, mode_colour
-from mofit.report.toolkit.formatting import parameter_label
+from mofit.report.toolkit.formatting import parameter_label, percent, whole_percent
 
 #: Pairs of parameters, and generations (the first, one half way, the last), that are shown of the swarm.
 _SHOWN = 3
@@ -145,6 +145,8 @@ def map_figure(found: SearchMap) -> Figure:
         "over all tests.",
         good="points cover the box, dark points gather in a few tight places, each with a mode in it.",
         bad="dark points lie along a valley (the two parameters are correlated) or at the edge of the box.",
+        finding=f"{len(found.nrmsd)} points were evaluated; the best has a mean NRMSD of {percent(found.nrmsd.min())}, "
+        f"the median {percent(float(np.median(found.nrmsd)))}.",
     )
 
 
@@ -184,6 +186,19 @@ def swarm_figure(swarm: Swarm) -> Figure:
         f"form {clusters} clusters by their mean error; a gradient descent starts from the centre of each.",
         good="fireflies of one colour gather around a mode, or along the way between the minima of single tests.",
         bad="squares lie far apart: the tests prefer different parameters, so the model lacks something.",
+        finding=_gathered(swarm),
+    )
+
+
+def _gathered(swarm: Swarm) -> str:
+    """How much narrower the swarm's middle half is in the end, over all parameters that moved."""
+    log = np.array(swarm.search.log)
+    places = np.where(log, np.log(np.where(log, swarm.fireflies, 1.0)), swarm.fireflies)[..., swarm.search.moved]
+    first, last = (np.ptp(np.nanquantile(places[k], [0.25, 0.75], axis=0), axis=0) for k in (0, -1))
+    ratio = float(np.median(last / np.maximum(first, np.finfo(float).tiny)))
+    return (
+        f"From the first to the last generation the middle half of the fireflies came to {whole_percent(ratio)} of its "
+        "width (median over the parameters)."
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from mofit.report.draws import Draws, curves_on_request, draws_figure, extract_draws
 from mofit.report.overlay import Overlay, by_output, extract_overlays, headed, output_unit
 from mofit.report.run import SHOWN, Run
 from mofit.report.spectra import extract_spectra, spectra_figure
@@ -23,8 +24,9 @@ from mofit.report.toolkit.figures import (
     dot_key,
     line_key,
     mode_colour,
+    panel_of,
 )
-from mofit.report.toolkit.formatting import Unit, display_unit
+from mofit.report.toolkit.formatting import Unit, display_unit, percent, whole_percent
 
 _DENSE = 800
 """Samples from which a curve is rasterised."""
@@ -51,7 +53,7 @@ def draw_loop(overlays: Sequence[Overlay], unit: Unit, axes: Axes, *, predictive
             axes.plot(x, unit.factor * first.baseline, color=BASELINE, ls="--", lw=1.2, **dense)
         for k, overlay in reversed([*enumerate(overlays)]):
             axes.plot(x, unit.factor * overlay.simulated, color=mode_colour(k), lw=1.5 if k == 0 else 1.0, **dense)
-    axes.set_title(first.test)
+    panel_of(axes, first.test)
     axes.set_xlabel(x_unit.label(first.input_name if looped else "time"), labelpad=1)
     few_ticks(axes)
     return axes
@@ -76,14 +78,16 @@ def draw_trace(overlay: Overlay, unit: Unit, small: Unit, axes: Axes, residual: 
     limit = 1.1 * small.factor * max(3 * overlay.noise_sd, float(np.max(np.abs(remaining))))
     if limit > 0:
         residual.set_ylim(-limit, limit)
-    axes.set_title(overlay.test)
+    panel_of(axes, overlay.test)
     axes.set_xlim(time[0], time[-1])
     few_ticks(axes)
     few_ticks(residual, None, 2)
     return axes
 
 
-def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str) -> Figure:
+def _loops_figure(
+    loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str, draws: Draws | None
+) -> Figure:
     """A panel per test; `loops` holds the tests of each mode, best first. `output` is its name, of several."""
     modes = list(loops.values())
     legend = [dot_key(MEASURED, "measured", marker=".")]
@@ -92,6 +96,10 @@ def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: 
     panels = Panels(len(modes[0]), 4, 1.75, legend=legend, margin=(0.75, 0.5, 0.1), gap=(0.5, 0.85))
     for k, axes in enumerate(panels.axes):
         draw_loop([overlays[k] for overlays in modes], unit, axes)
+        best = modes[0][k]
+        curves_on_request(
+            panels, axes, draws, best, display_unit(best.input_unit, best.input).factor * best.input, unit
+        )
     panels.label(y=unit.label(modes[0][0].output_name))
     return panels.figure(
         headed("Hysteresis loops, measured and simulated, per test", output),
@@ -99,10 +107,35 @@ def _loops_figure(loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: 
         "its slope the dynamic stiffness.",
         good="the model's line runs through the middle of the measured points all the way round.",
         bad="the model's loop is thinner, steeper or rounder at the ends than the measured one.",
+        finding=_farthest(modes[0]),
     )
 
 
-def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str, output: str) -> Figure:
+def _farthest(overlays: Sequence[Overlay]) -> str:
+    """The tests that the model follows best and worst, by what is left relative to the range."""
+    left = [float(np.sqrt(np.mean((o.measured - o.simulated) ** 2)) / (np.ptp(o.measured) or 1.0)) for o in overlays]
+    worst, best = int(np.argmax(left)), int(np.argmin(left))
+    if len(overlays) == 1:
+        return f"The model leaves {percent(left[0])} of the range of {overlays[0].test}."
+    return (
+        f"The model leaves most of {overlays[worst].test} ({percent(left[worst])} of its range) and least of "
+        f"{overlays[best].test} ({percent(left[best])})."
+    )
+
+
+def _beyond_noise(overlays: Sequence[Overlay]) -> str:
+    """How many samples lie inside the noise band, and where fewest do."""
+    inside = [float(np.mean(np.abs(o.measured - o.simulated) <= 2 * o.noise_sd)) for o in overlays]
+    worst = int(np.argmin(inside))
+    return (
+        f"{whole_percent(float(np.mean(inside)))} of the drawn samples lie inside the noise band (white noise: 95 %), "
+        f"fewest in {overlays[worst].test} ({whole_percent(inside[worst])})."
+    )
+
+
+def _traces_figure(
+    traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str, output: str, draws: Draws | None
+) -> Figure:
     """A panel with its residual per test."""
     small = display_unit(traces[0].output_unit, np.concatenate([t.measured - t.simulated for t in traces]))
     legend = [line_key(MEASURED, "measured", lw=2.6, alpha=0.35), line_key(mode_colour(0), f"model, {mode}")]
@@ -112,13 +145,16 @@ def _traces_figure(traces: Sequence[Overlay], unit: Unit, baseline: str, mode: s
     panels = Panels(len(traces), 3, 1.15, legend=legend, lower=0.6, margin=(0.7, 0.5, 0.1), gap=(0.55, 0.62))
     for overlay, axes, below in zip(traces, panels.axes, panels.lower, strict=True):
         draw_trace(overlay, unit, small, axes, below)
-    panels.label("time (s)", unit.name, small.name)
+        curves_on_request(panels, axes, draws, overlay, overlay.time, unit)
+        curves_on_request(panels, below, draws, overlay, overlay.time, small, overlay.simulated)
+    panels.label("time (s)", unit.label(traces[0].output_name), small.label("residual"))
     return panels.figure(
         headed("Measured and simulated output over time with the residual, per test", output),
         f"Output ({traces[0].output_name}, {unit.name}) over time of mode {mode}: the last two full periods of "
         f"periodic tests, the last samples of broadband ones. Below: measured − simulated ({small.name}).",
         good="the residual is shapeless and stays inside the noise band.",
         bad="the residual repeats every period or leaves the band: the model misses something systematic there.",
+        finding=_beyond_noise(traces),
     )
 
 
@@ -133,14 +169,18 @@ def signals_section(run: Run) -> Section | None:
     loops = {key: [o.last(1) for o in overlays if o.loops] for key, overlays in by_mode.items()}
     traces, spectra = [o.last(2) for o in best], extract_spectra(best)
     blocks: list[Block] = []
+    draws = extract_draws(run.best)
     for output, whole in by_output(best).items():
         unit, tests = output_unit(whole), {o.test for o in whole}
         of_output = {key: [o for o in found if o.test in tests] for key, found in loops.items()}
         if of_output[name]:
-            blocks.append(_loops_figure(of_output, unit, baseline, output))
-        blocks.append(_traces_figure([o for o in traces if o.test in tests], unit, baseline, name, output))
+            blocks.append(_loops_figure(of_output, unit, baseline, output, draws))
+        shown = [o for o in traces if o.test in tests]
+        blocks.append(_traces_figure(shown, unit, baseline, name, output, draws))
         if own := [spectrum for spectrum in spectra if spectrum.test in tests]:
             blocks.append(spectra_figure(own, unit, baseline, name, output))
+    if draws is not None and len(draws.names) > 1:
+        blocks.append(draws_figure(run, run.best, draws))
     if len(run.modes) > SHOWN:
         blocks.append(Text(f"The figures show the {SHOWN} best modes; the tables list all {len(run.modes)}."))
     data = {

@@ -14,12 +14,22 @@ from mofit._typing import FloatArray
 from mofit.data.signals import noise_process
 from mofit.report.overlay import NINETY, Overlay, headed
 from mofit.report.toolkit.blocks import Figure
-from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import Unit
+from mofit.report.toolkit.figures import (
+    BASELINE,
+    FLOOR,
+    MEASURED,
+    Panels,
+    band_key,
+    dot_key,
+    line_key,
+    mode_colour,
+    panel_of,
+)
+from mofit.report.toolkit.formatting import Unit, number
 
 _FEWEST = 16
 """Samples that a spectrum needs."""
-_SHOWN = 6
+_SHOWN = 12
 """Tests that are drawn: those of which most is left."""
 
 
@@ -92,8 +102,19 @@ def draw_spectrum(spectrum: Spectrum, unit: Unit, axes: Axes) -> Axes:
         axis.set_minor_locator(NullLocator())  # most of the time to draw a panel
     top = unit.factor * float(np.max(spectrum.measured))
     axes.set_ylim(0.05 * unit.factor * float(np.min(spectrum.noise)) or None, 2 * top if top > 0 else None)
-    axes.set_title(spectrum.test)
+    panel_of(axes, spectrum.test)
     return axes
+
+
+def _highest(spectra: Sequence[Spectrum]) -> str:
+    """The line of the residual that stands highest above the noise band."""
+    above = [spectrum.residual / np.maximum(spectrum.high, np.finfo(float).tiny) for spectrum in spectra]
+    k = int(np.argmax([ratio.max() for ratio in above]))
+    line = int(np.argmax(above[k]))
+    return (
+        f"The residual stands highest above the noise in {spectra[k].test} at {number(spectra[k].frequency[line])} Hz: "
+        f"{number(float(above[k][line]), 2)}× the upper edge of the band."
+    )
 
 
 def spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode: str, output: str) -> Figure:
@@ -121,4 +142,5 @@ def spectra_figure(spectra: Sequence[Spectrum], unit: Unit, baseline: str, mode:
         good="the residual is scattered around the noise model at all frequencies.",
         bad="peaks above it: near a resonance the frequency or damping is wrong, at multiples of the excited "
         "frequency or between the excited lines a nonlinearity is missing.",
+        finding=_highest(shown),
     )

@@ -22,6 +22,15 @@ from mofit.report.toolkit.formatting import (
     whole_percent,
 )
 from mofit.results import green
+from mofit.results.sentences import (
+    ALL_IDENTIFIED,
+    AT_BOUND,
+    CONVERGED,
+    NOT_CONVERGED,
+    NOT_IDENTIFIED,
+    NOT_SAMPLED,
+    UNKNOWN,
+)
 
 _NOTABLE = 1.2
 """Ratio of a test's error to its noise floor from which the worst test is named."""
@@ -93,11 +102,11 @@ def _mean(values: FloatArray) -> float:
 def summary_section(run: Run) -> Section:
     """Banner, sentences and a row of key figures."""
     found = extract_headline(run)
-    texts = (_best(run), _fit(run, found), _modes(run, found), _identified(run, found))
-    blocks: list[Block] = [*trust_banners(found), _cards(run, found), *(Text(text) for text in texts)]
+    blocks: list[Block] = [*trust_banners(found), Text(_identified(run, found))]
     warnings = run.json("warnings")
     if warnings:
         blocks.append(bullets(warnings, Markup("<b>Warnings of the run</b>")))
+    blocks += [_cards(run, found), *(Text(text) for text in (_best(run), _fit(run, found), _modes(run, found)))]
     return Section("summary", "Summary", blocks, {"headline": found, "warnings": warnings})
 
 
@@ -113,18 +122,12 @@ def trust_banners(found: Headline) -> list[Raw]:
 def _convergence(found: Headline) -> Raw:
     """Whether the sampling converged."""
     if not found.sampled:
-        return banner("Nothing was sampled: standard deviations are those of the Laplace approximation.", "fair")
+        return banner(NOT_SAMPLED, "fair")
     ess = count(found.smallest_ess) if np.isfinite(found.smallest_ess) else "–"
-    figures = f"largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {ess}"
+    figures = f" (largest R-hat {found.largest_r_hat:.3f}, smallest effective sample size {ess})"
     if found.converged:
-        text = f"The sampling converged: independent ensembles agree ({figures})."
-        return banner(text, "good" if found.green else "fair")
-    return banner(
-        f"The sampling did not converge ({figures}). Read the intervals below as preliminary: they may be too narrow "
-        "or in the wrong place. Identify again with another --seed; if that does not converge either, --fix a "
-        "parameter that is not identified, or narrow its --bounds.",
-        "bad",
-    )
+        return banner(CONVERGED.format(figures=figures), "good" if found.green else "fair")
+    return banner(NOT_CONVERGED.format(figures=figures), "bad")
 
 
 def _cards(run: Run, found: Headline) -> Raw:
@@ -201,14 +204,12 @@ def _modes(run: Run, found: Headline) -> Markup:
 
 def _identified(run: Run, found: Headline) -> Markup:
     if not found.graded and not found.not_identified:
-        return Markup("<b>Parameters.</b> Nothing was sampled. Whether the data identify the parameters is not known.")
-    if not found.not_identified:
-        return Markup("<b>Parameters.</b> The data identify all {} parameters.").format(len(run.best.parameters))
-    text = Markup("<b>Parameters.</b> The data do not identify {}: read the interval, not the value").format(
-        listed([symbol(name) for name in found.not_identified])
-    )
-    if found.at_bound:
-        text += Markup(" ({} at a bound of the prior box: widen the box, or check the model)").format(
-            listed([symbol(name) for name in found.at_bound])
-        )
-    return text + Markup(".")
+        text = Markup(UNKNOWN)
+    elif not found.not_identified:
+        text = Markup(ALL_IDENTIFIED).format(count=len(run.best.parameters))
+    else:
+        at_bound = listed([symbol(name) for name in found.at_bound])
+        bounds = Markup(AT_BOUND).format(names=at_bound) if found.at_bound else Markup("")
+        names = listed([symbol(name) for name in found.not_identified])
+        text = Markup(NOT_IDENTIFIED).format(names=names, bounds=bounds)
+    return Markup("<b>Parameters.</b> ") + text

@@ -2,11 +2,13 @@
 
 from mofit.results.cochran_q import cochran
 from mofit.results.io import is_large, open_result, write_result
+from mofit.results.laws import laws_summary
 from mofit.results.layout import OUTPUT_UNIT, OWN_UNIT
 from mofit.results.objectives import Objective, objectives, per_objective
 from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
 from mofit.results.reading import findings, green, parameter_layout, summary
 from mofit.results.schema import SCHEMA
+from mofit.results.sentences import outcome_sentences
 from mofit.results.simulations import simulations, simulations_line
 from mofit.results.variables import (
     Computed,
@@ -16,6 +18,7 @@ from mofit.results.variables import (
     draws_dataset,
     group_dataset,
     parameter_axis,
+    predictive_places,
     quantity,
     signal_dataset,
 )
@@ -36,14 +39,17 @@ __all__ = [
     "green",
     "group_dataset",
     "is_large",
+    "laws_summary",
     "objectives",
     "open_result",
+    "outcome_sentences",
     "parameter_axis",
     "parameter_layout",
     "parts_of_band",
     "per_objective",
     "prediction_rows",
     "prediction_summary",
+    "predictive_places",
     "quantity",
     "signal_dataset",
     "simulations",

@@ -14,8 +14,20 @@ import casadi as ca
 import xarray as xr
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.models import BlackBoxSystem, Channel, Model, build_system, find_effect, find_model, with_effects
+from mofit.models import (
+    BlackBoxSystem,
+    Channel,
+    Model,
+    System,
+    as_laws,
+    build_system,
+    find_effect,
+    find_model,
+    with_effects,
+    with_laws,
+)
 from mofit.results.reading import fixed_values, summary
+from mofit.results.simulations import simulations
 from mofit.runtime.toml import toml_value
 
 #: numbers of a parameter, in the order of the columns: MAP estimate, posterior mean and sd, 5, 50 and 95 % quantiles
@@ -91,11 +103,44 @@ def model_of_run(tree: xr.DataTree, model: Model | str | None = None, effects: S
     name, *added = str(tree.attrs["model"]).split("+")
     base = model if isinstance(model, Model) else find_model(model or name)
     found = with_effects(base, *(find_effect(effect) for effect in (effects or added)))
-    used = json.loads(tree.attrs["configuration"]).get("equations")
+    configuration = json.loads(tree.attrs["configuration"])
+    found = with_laws(found, as_laws(configuration.get("parameter_laws", ())))
+    used = configuration.get("equations")
     if build_system(found).hash() != used:
         what = f"its equations are not those that the run identified ('{tree.attrs['model']}')"
         raise InputError.of(f"model '{found.name}'", what, "Give --model and --effect as they were, or identify anew")
     return found
+
+
+def require_equations(tree: xr.DataTree) -> None:
+    """Refuse to write the model of a run that identified a user's simulator.
+
+    Raises
+    ------
+    InputError
+        If it has no equations.
+    """
+    if simulations(tree) is not None:
+        raise _without_equations(str(tree.attrs["model"]))
+
+
+def system_with_equations(model: Model) -> System:
+    """The system of a model.
+
+    Raises
+    ------
+    InputError
+        If it has no equations.
+    """
+    system = build_system(model)
+    if isinstance(system, BlackBoxSystem):
+        raise _without_equations(model.name)
+    return system
+
+
+def _without_equations(name: str) -> InputError:
+    what = "it is a simulator of your own: mofit knows no equations of it to write"
+    return InputError.of(f"model '{name}'", what, "Export its parameters (--to toml, --to csv), and run it with them")
 
 
 def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca.Function:
@@ -117,10 +162,7 @@ def identified_function(tree: xr.DataTree, model: Model, mode: str = "m1") -> ca
         raise InputError.of(f"--mode {mode}", "the run has no such mode", did_you_mean(mode, modes))
     found = modes[mode].to_dataset(inherit=False)["value"]
     values = {**fixed_values(tree), **{str(n): float(found.sel(parameter=n)) for n in found["parameter"].values}}
-    system = build_system(model)
-    if isinstance(system, BlackBoxSystem):
-        hint = "Export the parameters (--to toml, --to csv)"
-        raise InputError.of(f"model '{model.name}'", "it is a simulator without equations to write", hint)
+    system = system_with_equations(model)
     raise_errors(
         Issue(f"parameter '{name}'", "the run has no value for it", "Identify anew with this model")
         for name in system.parameters

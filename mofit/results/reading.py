@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
+from mofit.results.laws import laws_summary
 from mofit.results.objectives import objectives, per_objective
 from mofit.results.predictions import parts_of_band, prediction_rows
 from mofit.results.simulations import simulations
@@ -65,6 +66,7 @@ def summary(tree: xr.DataTree, run: Path) -> dict[str, Any]:
         "noise_floor": _by_objective(tree, tree.dataset["noise_floor"]),
         "baseline": _baseline(tree),
         "modes": [_mode(tree, name, node, units) for name, node in tree["modes"].children.items()],
+        "laws": laws_summary(tree),
         "per_frequency": _per_frequency(tree),
         "held_out": _held_out(tree),
         "warnings": [*(entry["text"] for entry in findings(tree)), *json.loads(tree.attrs["warnings"])],
@@ -133,6 +135,7 @@ def _mode(tree: xr.DataTree, name: str, node: xr.DataTree, units: xr.DataArray) 
             "spread": "sampled" if "sd" in at else "Laplace",
             "unit": str(units.sel(parameter=parameter).item()),
             "verdict": str(at["verdict"].item()) if "verdict" in at else "not sampled",
+            "at_bound": int(at["at_bound"]) if "at_bound" in at else 0,
         }
     return {
         "id": name,

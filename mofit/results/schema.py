@@ -25,6 +25,9 @@ AXES = {
     "draw": "draw from the posterior within its ensemble",
     "checkpoint": "evaluations of the search so far",
     "record": "predicted test",
+    "law": "parameter over a condition",
+    "candidate": "law that could be",
+    "cell": "combination of conditions",
 }
 
 
@@ -184,6 +187,58 @@ _CALIBRATION = Group(
     },
     ("model", "tests"),
 )
+_LAWS = Group(
+    {
+        "parameter": Variable("law", "1", "parameter"),
+        "condition": Variable("law", "1", "condition"),
+        "form": Variable("law", "1", "law"),
+        "centre": Variable("law", OWN_UNIT, "middle of the condition's range"),
+        "half_range": Variable("law", OWN_UNIT, "half the width of the condition's range"),
+        "log_evidence": Variable("law candidate", "1", "log evidence relative to the law"),
+    },
+    ("conditions", "chi_square", "freedom", "evaluations"),
+)
+_CELLS = Group(
+    {
+        "value": Variable("cell parameter", OWN_UNIT, "estimate of this combination alone"),
+        "sd": Variable("cell parameter", OWN_UNIT, "its standard deviation (Laplace)"),
+        "law_low": Variable("cell parameter", OWN_UNIT, "5 % quantile of the law here"),
+        "law_median": Variable("cell parameter", OWN_UNIT, "median of the law here"),
+        "law_high": Variable("cell parameter", OWN_UNIT, "95 % quantile of the law here"),
+        "tests": Variable("cell", "1", "tests of this combination"),
+    }
+)
+_CURVE = Group(
+    {
+        "at": Variable("point", "", ""),
+        "low": Variable("point", "", "5 % quantile"),
+        "median": Variable("point", "", "median"),
+        "high": Variable("point", "", "95 % quantile"),
+    },
+    ("title",),
+)
+_MAP = Group(
+    {
+        "x": Variable("column", "", ""),
+        "y": Variable("row", "", ""),
+        "low": Variable("row column", "", "5 % quantile"),
+        "median": Variable("row column", "", "median"),
+        "high": Variable("row column", "", "95 % quantile"),
+    },
+    ("x", "y"),
+)
+_POPULATIONS = Group(
+    {
+        "mean": Variable("parameter", OWN_UNIT, "mean over the specimens"),
+        "mean_low": Variable("parameter", OWN_UNIT, "5 % quantile of the mean"),
+        "mean_high": Variable("parameter", OWN_UNIT, "95 % quantile of the mean"),
+        "spread": Variable("parameter", OWN_UNIT, "standard deviation over the specimens; 1 of a logarithm"),
+        "spread_low": Variable("parameter", OWN_UNIT, "5 % quantile of the spread"),
+        "spread_high": Variable("parameter", OWN_UNIT, "95 % quantile of the spread"),
+        "of_logarithm": Variable("parameter", "1", "1 where the spread is that of the logarithm"),
+    },
+    ("specimens", "outliers"),
+)
 #: every group by its path; ``*`` is the name of a mode, of a calibration stage or of a predicted test
 GROUPS: Mapping[str, Group] = {
     "/": _ROOT,
@@ -195,6 +250,11 @@ GROUPS: Mapping[str, Group] = {
     "/per_frequency": _PER_FREQUENCY,
     "/baseline": _BASELINE,
     "/calibration/*": _CALIBRATION,
+    "/laws": _LAWS,
+    "/laws/cells": _CELLS,
+    "/laws/populations": _POPULATIONS,
+    "/laws/curves/*/*": _CURVE,
+    "/laws/maps/*": _MAP,
     "/modes": Group(required=True),
     "/modes/*": _MODE,
     "/modes/*/scoped": _SCOPED,
@@ -214,6 +274,10 @@ def group_at(path: str) -> tuple[Group, str]:
     parts = path.strip("/").split("/")
     if parts[:2] == ["held_out", "tests"] and len(parts) == 3:
         return RECORD, parts[2]
+    if parts[:2] == ["laws", "curves"] and len(parts) == 4:
+        return _CURVE, parts[2]
+    if parts[:2] == ["laws", "maps"] and len(parts) == 3:
+        return _MAP, parts[2]
     name = parts[1] if parts[0] in ("modes", "calibration") and len(parts) > 1 else ""
     key = "/" + "/".join([parts[0], "*", *parts[2:]] if name else parts)
     return GROUPS.get(key, Group()), name

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-from numpy.typing import ArrayLike, DTypeLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
@@ -151,3 +151,14 @@ def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
         shared = pd.Index(signal.time, copy=False)
         coords[time] = xr.Variable(time, shared, {"units": "s", "long_name": f"time of {signal.test}"})
     return xr.Dataset(variables, coords)
+
+
+def predictive_places(draws: tuple[int, int], predicted: tuple[int, int]) -> tuple[NDArray[np.intp], ...]:
+    """Chain and draw, to index with, of the posterior draws that a posterior predictive is simulated at: evenly spread.
+
+    Parameters
+    ----------
+    draws, predicted
+        Numbers of chains and draws of the posterior, and of the posterior predictive.
+    """
+    return np.ix_(*(np.linspace(0, n - 1, few).astype(int) for n, few in zip(draws, predicted, strict=True)))

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import PPoly
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, smooth_derivatives, steady_samples
 from mofit.errors import InputError, Issue
 from mofit.models import Model, System
+from mofit.models.interpolation import input_curve
 from mofit.models.model import TIME
 from mofit.quantities import HOLD, INTERPOLATIONS
 from mofit.simulation.requirements import all_conditions, derived_channels, measured_outputs, undriven
@@ -103,28 +104,27 @@ class ExperimentData:
         several = self.weights.shape[1] > 1
         return tuple(np.flatnonzero(np.any(self.weights != 0, axis=0)).tolist()) if several else (0,)
 
-    @cached_property
-    def data(self) -> FloatArray:
-        """Per sample: 1 if any output has a weight, the measured outputs, the weights; shape (lead + n, 1 + 2 ny)."""
+    def packed(self) -> FloatArray:
+        """What loops read, per sample: 1 if any output has a weight, the measured outputs, the weights.
+
+        Shape (lead + n, 1 + 2 ny). That of a short test is kept.
+        """
+        known: FloatArray | None = vars(self).get("_packed")
+        if known is not None:
+            return known
         ny = self.measured.shape[1]
         data = np.zeros((self.samples, 1 + 2 * ny))
         record = data[self.lead :]
         record[:, 0] = np.any(self.weights != 0, axis=1)
         record[:, 1 : 1 + ny], record[:, 1 + ny :] = self.measured, self.weights
-        # the same numbers once in memory
-        object.__setattr__(self, "measured", record[:, 1 : 1 + ny])
-        object.__setattr__(self, "weights", record[:, 1 + ny :])
+        if self.samples <= _SHORT_TEST:
+            vars(self)["_packed"] = data
         return data
-
-    @cached_property
-    def address(self) -> int:
-        """Of `data` in memory."""
-        return self.data.ctypes.data
 
     @cached_property
     def curve(self) -> PPoly:
         """The inputs over time."""
-        return _curve(self)
+        return input_curve(self.step, self.inputs, self.interpolation)
 
     @cached_property
     def rate(self) -> PPoly:
@@ -175,19 +175,6 @@ class ExperimentData:
             if not np.all(np.isfinite(value)):
                 found.append(Issue(where, f"{what} hold nan or infinite values", "Set weight and value to 0 there"))
         return found
-
-
-def _curve(experiment: ExperimentData) -> PPoly:
-    time = np.arange(experiment.samples) * experiment.step
-    inputs = np.asarray(experiment.inputs, dtype=float)
-    if experiment.samples == 1:
-        return PPoly(inputs[None], np.array([0.0, experiment.step]))
-    if experiment.interpolation == HOLD:
-        return PPoly(inputs[None], np.append(time, experiment.samples * experiment.step))
-    if experiment.interpolation == "linear":
-        return PPoly(np.stack([np.diff(inputs, axis=0) / experiment.step, inputs[:-1]]), time)
-    # one input after the other: making a spline takes several times its memory
-    return PPoly(np.stack([CubicSpline(time, column).c for column in inputs.T], axis=-1), time)
 
 
 def objective_pairs(experiments: Sequence[ExperimentData]) -> tuple[tuple[int, int], ...]:

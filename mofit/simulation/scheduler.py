@@ -62,16 +62,17 @@ class _Job:
     experiment: ExperimentData
     table: Table
     entry: Callable[..., None]
-    data: int
-    """Address of what is measured; 0 for loops that do not read it."""
+    data: FloatArray | None
+    """What is measured; None for loops that do not read it."""
     result: FloatArray
 
     @property
     def record(self) -> tuple[int, ...]:
         """The addresses that the compiled loop takes, see `loop.JOB_FIELDS`."""
         constant, rows, counts, substep_rows = self.table.addresses
+        data = 0 if self.data is None else self.data.ctypes.data
         return (
-            self.experiment.samples, self.block.address, constant, rows, self.data, counts, substep_rows,
+            self.experiment.samples, self.block.address, constant, rows, data, counts, substep_rows,
             self.result.ctypes.data, len(self.block.rows),
         )  # fmt: skip
 
@@ -217,23 +218,25 @@ class Scheduler:
         """
         shape = self._shape(derivatives)
         jobs: list[_Job] = []
-        load, used, seen = 0, set[TableKey](), set[int]()
+        load, used, seen, packed = 0, set[TableKey](), set[int](), dict[int, FloatArray]()
         for test, block in self._blocks(p, choices, derivatives):
             key = (block.level.scheme.name, derivatives, reduce, block.fixed_per_lane)
             kernel, experiment = self._kernel(key, block.level), experiments[test]
             table = self._table(key, kernel, experiment, block, used)
             code = kernel.code(table.refined or self._one_loop, block.lanes)
             if reduce:
-                data, result = experiment.address, np.empty((shape.sums, block.lanes))
+                if test not in packed:
+                    packed[test] = experiment.packed()
+                    load += packed[test].nbytes
+                result = np.empty((shape.sums, block.lanes))
             else:
-                sizes = (experiment.samples, shape.columns, shape.outputs, len(block.rows))
-                data, result = 0, _room(sizes, block.lanes)
-            jobs.append(_Job(test, block, experiment, table, code.entry, data, result))
-            load += jobs[-1].result.nbytes + (table.nbytes if id(table) not in seen else 0)
+                result = _room((experiment.samples, shape.columns, shape.outputs, len(block.rows)), block.lanes)
+            jobs.append(_Job(test, block, experiment, table, code.entry, packed.get(test), result))
+            load += result.nbytes + (table.nbytes if id(table) not in seen else 0)
             seen.add(id(table))
             if load > _AT_ONCE_BYTES:
                 yield from self._done(jobs)
-                jobs, load, seen = [], 0, set()
+                jobs, load, seen, packed = [], 0, set(), {}
         yield from self._done(jobs)
 
     def _done(self, jobs: Sequence[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:

@@ -41,10 +41,11 @@ class Scopes:
             conditions = all_conditions(measurement.experiment)
             own = []
             for parameter in space.parameters:
+                names = parameter.per.split(",")
                 if parameter.per == PER_TEST:
                     own.append(measurement.name)
-                elif parameter.per in conditions:
-                    own.append(f"{parameter.per} = {conditions[parameter.per]:g}")
+                elif all(name in conditions for name in names):
+                    own.append(", ".join(f"{name} = {conditions[name]:g}" for name in names))
                 else:
                     where = f"test '{measurement.name}'"
                     message = (

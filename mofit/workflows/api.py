@@ -42,7 +42,7 @@ def open_run(run: str | Path) -> Result:
 
 
 def identify(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Sequence[Campaign | str | Path] | None = None,
     model: Model | str | None = None,
     settings: Settings | None = None,
     *,
@@ -59,7 +59,8 @@ def identify(
     Parameters
     ----------
     campaign
-        The measurements, or the path of their file; by default the bundled campaign, which is simulated.
+        The measurements, or the path of their file; of several, the tests are taken together. By default the bundled
+        campaign, which is simulated.
     model
         The model, or its name: a shipped one's, or ``path/to/file.py:Name``. By default the channels decide.
     settings
@@ -91,16 +92,17 @@ def identify(
     WriteError
         If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
+    first, more = _campaigns(campaign)
     job = Job(
-        campaign, model, as_effects(effects), tuple(frequencies), as_names(tests), settings or Settings(),
-        None if out is None else Path(out), resume, as_names(hold_out),
+        first, model, as_effects(effects), tuple(frequencies), as_names(tests), settings or Settings(),
+        None if out is None else Path(out), resume, as_names(hold_out), more=more,
     )  # fmt: skip
     folder, tree = identified(job, listener(progress))
     return folder, Result.of(tree)
 
 
 def diagnose(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Sequence[Campaign | str | Path] | None = None,
     model: Model | str | None = None,
     effects: Effects = (),
     settings: Settings | None = None,
@@ -140,9 +142,11 @@ def diagnose(
     InputError
         If campaign, model and effects don't fit together.
     """
+    first, more = _campaigns(campaign)
     job = Job(
-        campaign, model, as_effects(effects), (), as_names(tests), settings or Settings(),
+        first, model, as_effects(effects), (), as_names(tests), settings or Settings(),
         None if out is None else Path(out), hold_out=as_names(hold_out), included=as_effects(include),
+        more=more,
     )  # fmt: skip
     return diagnosed(job, listener(progress), written=out is not None)[1]
 
@@ -228,3 +232,13 @@ def batch(
         tuple(map(Path, places)), Path(out), what, model, as_names(effects), settings or Settings(), jobs, scheduler
     )
     return run_batch(job, listener(progress))
+
+
+def _campaigns(
+    given: Campaign | str | Path | Sequence[Campaign | str | Path] | None,
+) -> tuple[Campaign | str | Path | None, tuple[Campaign | str | Path, ...]]:
+    """The first campaign and the others; None stands for the bundled one."""
+    if given is None or isinstance(given, Campaign | str | Path):
+        return given, ()
+    first, *more = given
+    return first, tuple(more)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from markupsafe import Markup
 from mofit.quantities import CONDITIONS
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, badge, bullets, words
+from mofit.report.toolkit.description import keyed
 from mofit.report.toolkit.figures import Panels, dot_key, mode_colour
 from mofit.report.toolkit.formatting import (
     Unit,
@@ -24,6 +25,7 @@ from mofit.report.toolkit.formatting import (
     parameter_label,
     percent,
     plus_minus,
+    symbol,
 )
 from mofit.report.toolkit.page import draw_sections
 from mofit.report.toolkit.page import write_page as write_sections
@@ -68,11 +70,53 @@ def _campaigns(rows: Sequence[Row], what: str) -> Section:
         unit = _unit_of(rows, name)
         cells = [number(row.conditions[name] * unit.factor, 4) if name in row.conditions else "–" for row in rows]
         columns.append(Column(unit.label(_title(name)), cells))
-    columns += _estimates(rows) if what == "identify" else _effects(rows)
+    columns += [*_outcomes(rows), *_estimates(rows)] if what == "identify" else [*_effects(rows), *_gaps(rows)]
     blocks: list[Block] = [Table(columns)]
     if issues := [row for row in rows if row.message]:
         blocks.append(bullets(Markup("<b>{}</b>: {}").format(row.name, row.message) for row in issues))
     return Section("campaigns", "Campaigns", blocks)
+
+
+def _outcomes(rows: Sequence[Row]) -> list[Column]:
+    """How many parameters are identified, which are at a bound, and the mean error beside the noise."""
+
+    def identified(row: Row) -> str:
+        verdicts = [entry["verdict"] for entry in row.parameters.values()]
+        return (
+            f"{sum(verdict.startswith('identified') for verdict in verdicts)} of {len(verdicts)}" if verdicts else "–"
+        )
+
+    def at_bound(row: Row) -> Markup | str:
+        return listed([symbol(name) for name, entry in row.parameters.items() if entry.get("at_bound")]) or "–"
+
+    def errors(row: Row) -> Mapping[str, float | None]:
+        return dict(row.best["nrmsd"]) if row.best else {}
+
+    return [
+        Column("Identified", list(map(identified, rows))),
+        words("At a bound", list(map(at_bound, rows))),
+        Column("NRMSD", [_mean_percent(errors(row)) for row in rows]),
+        Column("Noise floor", [_mean_percent(row.summary.get("noise_floor", {})) for row in rows]),
+    ]
+
+
+def _gaps(rows: Sequence[Row]) -> list[Column]:
+    """The gap that was found, and the noise floor, as a mean over the tests."""
+
+    def gap(row: Row) -> str:
+        where = row.summary.get("where")
+        if not where:
+            return "–"
+        unit = display_unit(where["unit"], where["gap"])
+        return f"{number(unit.factor * where['gap'])} {unit.name}"
+
+    floors = [_mean_percent(row.summary.get("noise_floor", {})) for row in rows]
+    return [Column("Gap", list(map(gap, rows))), Column("Noise floor", floors)]
+
+
+def _mean_percent(values: Mapping[str, float | None]) -> str:
+    known = [value for value in values.values() if value is not None]
+    return percent(float(np.mean(known))) if known else "–"
 
 
 def _estimates(rows: Sequence[Row]) -> list[Column]:
@@ -115,6 +159,7 @@ def _over(rows: Sequence[Row], condition: str) -> Section:
     colours = {values: mode_colour(k) for k, values in enumerate(combinations)}
     keys = [dot_key(colour, _described(shown, others, values)) for values, colour in colours.items()]
     units, unit = parameter_units(shown), _unit_of(shown, condition)
+    places = [row.conditions[condition] for row in shown]
     panels = Panels(len(units), 3, 1.7, legend=keys, gap=(0.75, 0.8))
     for axes, (name, own_unit) in zip(panels.axes, units.items(), strict=True):
         for row in shown:
@@ -123,8 +168,10 @@ def _over(rows: Sequence[Row], condition: str) -> Section:
                 continue
             colour, x = colours.get(combination(row), mode_colour(0)), row.conditions[condition] * unit.factor
             ends = [entry[key] for key in ("q05", "q95") if entry[key] is not None]
-            axes.plot([x] * len(ends), ends, color=colour, linewidth=1.0)
-            axes.plot([x], [entry["mean"]], "o", color=colour, markersize=3.5)
+            (bar,) = axes.plot([x] * len(ends), ends, color=colour, linewidth=1.0)
+            (dot,) = axes.plot([x], [entry["mean"]], "o", color=colour, markersize=3.5)
+            keyed(bar, campaign=row.name)
+            keyed(dot, campaign=[row.name])
         axes.set_title(parameter_label(name, own_unit))
         axes.set_xlabel(unit.label(title))
         few_ticks(axes)
@@ -133,6 +180,8 @@ def _over(rows: Sequence[Row], condition: str) -> Section:
         f"Every parameter over the {title}: mean and 90 % interval of the most probable mode.",
         good="intervals that follow one smooth trend.",
         bad="points that jump by more than their intervals: another mode, or a faulty test.",
+        finding=f"{len(shown)} campaigns over the {title}, from {_described(shown, [condition], [min(places)])} to "
+        f"{_described(shown, [condition], [max(places)])}.",
     )
     return Section(f"over_{condition}", f"Over the {title}", [figure])
 

@@ -74,10 +74,15 @@ class Row:
     """See `Task.key`."""
 
     @property
+    def best(self) -> dict[str, Any]:
+        """The most probable mode; empty where nothing was identified."""
+        modes = self.summary.get("modes") or []
+        return dict(max(modes, key=lambda mode: mode["probability"] or 0.0)) if modes else {}
+
+    @property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Parameters of the most probable mode; none where nothing was identified."""
-        modes = self.summary.get("modes") or []
-        return dict(max(modes, key=lambda mode: mode["probability"] or 0.0)["parameters"]) if modes else {}
+        return dict(self.best.get("parameters", {}))
 
     def write(self, path: Path) -> None:
         """Write the row, atomically."""

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mofit.data import Campaign, bundled_campaign
+from mofit.data import Campaign, bundled_campaign, joined
 from mofit.errors import InputError
 from mofit.identification.identify import Settings, identify
 from mofit.identification.inputs import as_campaign, as_effect, as_model
@@ -51,6 +51,8 @@ class Job:
     """Tests that are not used, but predicted."""
     included: tuple[Effect | str, ...] = ()
     """Effects that are part of the model that a diagnosis takes."""
+    more: tuple[Campaign | str | Path, ...] = ()
+    """More campaigns: the tests of all are one campaign, each under the conditions of its own."""
 
 
 def identified(job: Job, progress: Progress = silent) -> tuple[Path, xr.DataTree]:
@@ -115,7 +117,10 @@ def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:
     """Campaign and model, without effects; by default the model that fits the campaign's channels."""
     if job.file is None:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
-    campaign = as_campaign(bundled_campaign() if job.file is None else job.file)
+    given = [bundled_campaign() if job.file is None else job.file, *job.more]
+    campaigns = [as_campaign(one) for one in given]
+    names = [one.title if isinstance(one, Campaign) else Path(one).stem for one in given]
+    campaign = joined(campaigns, names)
     if job.model is not None:
         return campaign, as_model(job.model)
     return campaign, default_model(name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs))

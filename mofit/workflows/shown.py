@@ -133,7 +133,7 @@ def _figures(tree: xr.DataTree) -> list[tuple[str, str]]:
     from mofit import plots
 
     pictures = [("errors per test", _picture(lambda ax: plots.errors(tree, ax=ax)))]
-    for test in map(str, tree["test"].values):
+    for test in map(str, tree.dataset["test"].values):
         with suppress(InputError):  # a free decay has no input
             pictures.append((f"measured and simulated: {test}", _picture(partial(_loop, tree, test))))
             break

@@ -11,7 +11,7 @@ import xarray as xr
 from mofit.cli import main
 
 COMMANDS = tuple(
-    "check identify simulate import export predict report uncertainty compare design diagnose batch".split()
+    "check identify simulate import export predict report uncertainty runs open compare design diagnose batch".split()
 )
 
 

@@ -82,8 +82,8 @@ def test_without_a_compiler_the_command_says_what_the_fmu_lacks(lag, tmp_path, m
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--to", "c", "--fmi", "2"], "--fmi 2: is for an FMU, not for c"),
-        (["--to", "toml", "--test", "sine_1Hz"], "--test sine_1Hz: is for an FMU, not for toml"),
+        (["--to", "c", "--fmi", "2"], "--fmi 2: is for fmu, not for c"),
+        (["--to", "toml", "--test", "sine_1Hz"], "--test sine_1Hz: is for fmu and tydex, not for toml"),
         (["--to", "fmu", "--test", "sine_9Hz"], "--test sine_9Hz: the run has no such test"),
         (["--to", "fmu", "--mode", "m7"], "--mode m7: the run has no such mode"),
         (["--to", "fmu", "--model", "maxwell_damper"], "not those that the run identified"),

@@ -95,7 +95,7 @@ def test_values_per_test_on_the_command_line(tmp_path: Path, capsys) -> None:
     arguments += ["--effects", "dry_friction", "--effects", "test_offset", "--out"]
     assert main([*arguments, str(tmp_path / "without")]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "effect"
-    more = ["--per-test", "F_0", "--include", "delay", "--per-test", "tau_d"]
+    more = ["--per-test", "F_0", "--include", "cubic_stiffness", "--per-test", "k_c"]
     assert main([*arguments, str(tmp_path / "with"), *more]) == 0
     assert json.loads(capsys.readouterr().out)["verdict"] == "none"
     assert "F_0 [2 Hz]" not in (tmp_path / "without" / "diagnosis.html").read_text()

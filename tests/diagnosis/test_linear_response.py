@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import strangers
+from damper_rig import damper_campaign
 from scipy.linalg import expm
 
 from mofit.diagnosis.candidates import prepare
@@ -64,10 +65,10 @@ def test_a_stiff_rate_dies_at_once() -> None:
 
 
 def test_a_model_that_an_effect_extends_already_has_the_signals_of_its_base() -> None:
-    campaign = strangers.oscillator(strangers.OSCILLATORS["van der Pol"])
-    extended = with_effects(find_model("oscillator"), find_effect("delay"))
+    base, campaign = find_model("kelvin_voigt_damper"), damper_campaign()
+    extended = with_effects(base, find_effect("cubic_stiffness"))
     signals = inner_signals(baseline_in_wide_ranges(extended, campaign, Settings(jobs=1))[0])
-    own = inner_signals(baseline_in_wide_ranges(find_model("oscillator"), campaign, Settings(jobs=1))[0])
+    own = inner_signals(baseline_in_wide_ranges(base, campaign, Settings(jobs=1))[0])
     assert [one.name for one in signals.variables()] == [one.name for one in own.variables()]
     assert [one.name for one in signals.targets()] == [one.name for one in own.targets()]
 

@@ -53,11 +53,11 @@ def test_inputs_are_interpolated_where_the_fmu_can(executor, tmp_path):
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_held_inputs_are_right_to_second_order(executor, tmp_path, version):
+def test_inputs_that_an_fmu_holds_are_right_to_second_order(executor, tmp_path, version):
     fmu = build(tmp_path, version=version, exchange=False)
     time = np.arange(101) / 50
     wave = np.sin(12 * time)
-    record = Record("sine", time, {"F": wave}, {})
+    record = Record("sine", time, {"F": wave}, {}, "linear")
     values = {"k": 350.0, "d": 5.0, "m": 1.2, "x_0": 0.0}
     exact = np.zeros(101)
     for begin, change in zip(time, np.diff(50 * np.diff(wave), prepend=0.0), strict=False):
@@ -75,9 +75,38 @@ def test_held_inputs_are_right_to_second_order(executor, tmp_path, version):
     assert errors[0] > 3 * errors[1] > 9 * errors[2]
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "hold", "cubic"])
+@pytest.mark.parametrize(("version", "options"), [
+    (2, {}), (3, {}), (2, {"exchange": False}), (3, {"exchange": False}), (2, {"exchange": False, "interpolates": True})
+])  # fmt: skip
+def test_inputs_run_between_samples_as_the_record_says(executor, tmp_path, version, options, interpolation):
+    function = find_model(str(build(tmp_path, version=version, **options))).function
+    time, many = np.arange(61) / 30, 40
+    levels = np.cumsum(np.random.default_rng(0).normal(size=61)) if interpolation == "hold" else np.sin(9 * time)
+    record = Record("drive", time, {"F": levels}, {}, interpolation)
+    values = {"k": 350.0, "d": 5.0, "m": 1.2, "x_0": 0.0}
+    (found,) = executor.run([Task(function, record, values, ("position", "acceleration"))])
+    # any curve is nearly a sum of short ramps, and one that is held is a sum of steps
+    fine = np.arange(60 * many + 1) / (30 * many)
+    curve, exact = {"hold": levels, "linear": np.interp(fine, time, levels), "cubic": np.sin(9 * fine)}, np.zeros(61)
+    if interpolation == "hold":
+        for begin, change in zip(time, np.diff(levels, prepend=0.0), strict=True):
+            exact += np.where(time >= begin, position(time - begin, 350.0, 5.0, 1.2, force=change), 0.0)
+    else:
+        rates = np.diff(curve[interpolation]) * 30 * many
+        for begin, change in zip(fine, np.diff(rates, prepend=0.0), strict=False):
+            exact += np.where(time >= begin, position(np.maximum(time - begin, 0), 350.0, 5.0, 1.2, slope=change), 0.0)
+    # a step later or earlier by one sample would be wrong by a tenth; linear beside cubic by a hundredth
+    size = np.abs(exact).max()
+    assert found.outputs[:, 0] == pytest.approx(exact, abs=1.5e-3 * size)
+    rate = (levels - 350.0 * exact) / 1.2  # less the damper's part
+    damped = np.abs(found.outputs[:, 1] - rate).max()
+    assert damped < 5.0 / 1.2 * 1.1 * np.abs(np.gradient(exact, time)).max() + 0.01
+
+
 def test_by_default_held_inputs_change_ten_times_per_sample(tmp_path):
     assert find_model(str(build(tmp_path, exchange=False))).function.mapping.steps == 10
-    assert find_model(str(build(tmp_path, exchange=False, interpolates=True))).function.mapping.steps == 1
+    assert find_model(str(build(tmp_path, exchange=False, interpolates=True))).function.mapping.steps == 4
 
 
 def in_steps_of(size):

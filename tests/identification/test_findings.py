@@ -58,7 +58,15 @@ def test_a_range_without_the_best_fit_is_widened_and_told():
     assert best_of(located)["c"] == pytest.approx(2000, rel=0.02)
     assert best_of(located)["d"] == pytest.approx(1500, rel=0.01)
     assert [note.split()[3] for note in located.warnings] == ["c", "d"]
+    assert located.findings == ()
     assert findings(located) == []
+
+
+def test_where_time_is_up_a_range_is_not_widened_and_that_is_found():
+    located = locate_minima(SINES, NarrowRig(), Settings(jobs=1), until=0.0)
+    assert located.warnings == ()
+    assert [finding.kind for finding in located.findings] == ["time limit"]
+    assert best_of(located)["c"] <= 300
 
 
 def test_bounds_of_the_user_are_kept_and_told_with_what_they_decide():

@@ -1,5 +1,7 @@
 """A user's simulator as a model: what it needs, which effects reach it, what its hash depends on."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from mofit.models import (
     BlackBoxSystem,
     Channel,
     Effect,
+    Record,
     Scaling,
     Simulator,
     build_system,
@@ -149,3 +152,16 @@ def test_all_that_is_wrong_with_a_simulator_is_told_at_once():
 def test_a_simulator_is_named_after_its_function():
     found = Simulator(line, LINE, INPUTS, OUTPUTS)
     assert (found.name, found.title) == ("line", "line")
+
+
+@pytest.mark.parametrize(
+    ("interpolation", "between"),
+    [("hold", [0.0, 1.0, 4.0]), ("linear", [0.5, 2.5, 6.5]), ("cubic", [0.25, 2.25, 6.25])],
+)
+def test_a_record_knows_its_inputs_between_samples(interpolation, between):
+    record = Record("parabola", np.arange(4) * 0.1, {"displacement": np.arange(4.0) ** 2}, {}, interpolation)
+    curve = record.curve("displacement")
+    assert curve([0.05, 0.15, 0.25]) == pytest.approx(np.array(between)[:, None])
+    assert curve(record.time) == pytest.approx(record.inputs["displacement"][:, None])
+    others = [replace(record, interpolation=other) for other in ("hold", "linear", "cubic") if other != interpolation]
+    assert record.digest not in [other.digest for other in others]

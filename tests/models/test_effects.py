@@ -12,6 +12,7 @@ CONDITIONS = {
     "start_time": 300.0,
     "vertical_force": 3600.0,
     "camber_angle": 0.03,
+    "nominal_vertical_force": 4000.0,
 }
 PAIRS = [
     (model, effect)

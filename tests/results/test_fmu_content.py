@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import xarray as xr
 from fmu_runs import (
     ROLLING,
     drive,
@@ -21,10 +22,12 @@ from fmu_runs import (
     stroke,
     validate_fmu,
 )
+from simulators import line_simulator
 
 from mofit.errors import InputError
 from mofit.models import Channel, Condition, Equations, Model, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
+from mofit.results.export import require_equations
 from mofit.results.fmu.archive import write_fmu
 from mofit.results.fmu.values import condition_starts, parameter_starts
 from mofit.results.fmu.variables import contents
@@ -225,3 +228,11 @@ def test_sizes_of_states_are_those_of_the_tests():
     assert sizes["idle"] == 1.0  # always zero: no size is known
     (own,) = (v for _, v in contents(tree, model).of("input") if v.name == "displacement")
     assert own.nominal == pytest.approx(3.0, rel=1e-4)
+
+
+def test_a_simulator_of_ones_own_has_no_equations_to_write():
+    with pytest.raises(InputError, match="mofit knows no equations of it to write"):
+        contents(xr.DataTree(), line_simulator())
+    with pytest.raises(InputError, match="Export its parameters"):
+        require_equations(xr.DataTree(xr.Dataset(attrs={"model": "line", "simulations": "{}"})))
+    require_equations(xr.DataTree(xr.Dataset(attrs={"model": "maxwell_damper"})))

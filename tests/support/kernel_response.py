@@ -30,8 +30,8 @@ def simulator(
                 inputs=np.stack([columns[channel.name] for channel in model.inputs], axis=1),
                 interpolation="cubic",
                 conditions=np.array([conditions.get(c.name, c.default) for c in model.conditions], dtype=float),
-                measured=np.zeros((count, 1)),
-                weights=np.ones((count, 1)),
+                measured=np.zeros((count, len(model.outputs))),
+                weights=np.ones((count, len(model.outputs))),
             )
         )
     return Simulator(build_system(model), experiments, free, steps=steps)

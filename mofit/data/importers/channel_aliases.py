@@ -45,6 +45,10 @@ _TYRE = {
     "self_aligning_torque": "mzw mzh mzc mz aligningtorque selfaligningtorque selfaligningmoment aligningmoment "
     "ruckstellmoment sat",
 }
+_BRAKING = {
+    "slip_ratio": "longslip slipratio kappa longitudinalslip sr sx wheelslip schlupf langsschlupf κ",
+    "longitudinal_force": "fxw fxh fxc fx longitudinalforce longforce brakeforce drivingforce tractiveforce langskraft",
+}
 _LOAD = {"vertical_force": "fzw fzh fzc fz load wheelload verticalload verticalforce normalforce normalload radlast"}
 _ROLLING = {
     **_LOAD,
@@ -78,6 +82,15 @@ FAMILIES = (
         {
             "lateral_displacement": "lateraldisplacement latdisp lateraldeflection ydisp dy y uy querweg",
             "lateral_force": _TYRE["lateral_force"],
+        },
+        {**_LOAD, "inflation_pressure": _ROLLING["inflation_pressure"]},
+    ),
+    Family(("slip_ratio", "longitudinal_force"), _BRAKING, _ROLLING),
+    Family(
+        ("longitudinal_displacement", "longitudinal_force"),
+        {
+            "longitudinal_displacement": "longitudinaldisplacement longdisp longitudinaldeflection xdisp ux langsweg",
+            "longitudinal_force": _BRAKING["longitudinal_force"],
         },
         {**_LOAD, "inflation_pressure": _ROLLING["inflation_pressure"]},
     ),

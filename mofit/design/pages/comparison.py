@@ -32,7 +32,15 @@ from mofit.report.toolkit.blocks import (
     words,
 )
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, mode_colour
-from mofit.report.toolkit.formatting import listed, math_symbol, number, percent, symbol, unit_text
+from mofit.report.toolkit.formatting import (
+    listed,
+    math_symbol,
+    number,
+    parameter_label,
+    percent,
+    symbol,
+    unit_text,
+)
 from mofit.report.toolkit.page import draw_sections, write_page
 
 #: Most profiles that are drawn, and their height over the rise that bounds the interval.
@@ -190,6 +198,23 @@ def _maps(comparison: Comparison) -> Figure:
         "Correlation of the estimates of all parameters, calibrated ones included, in each experiment.",
         good="pale off the diagonal.",
         bad="dark: a change of one parameter compensates for a change of another.",
+        finding=_darkest(comparison),
+    )
+
+
+def _darkest(comparison: Comparison) -> Markup:
+    """The strongest correlation of all experiments that are drawn."""
+    names, found = comparison.sources[0].source.space.names, (0.0, "", 0, 0)
+    for row in _drawn(comparison):
+        size = np.sqrt(np.diag(row.covariance))
+        scaled = np.tril(np.nan_to_num(row.covariance / np.outer(size, size)), -1)
+        a, b = map(int, np.unravel_index(np.argmax(np.abs(scaled)), scaled.shape))
+        found = max(found, (float(scaled[a, b]), row.experiment.name, a, b), key=lambda one: abs(one[0]))
+    value, name, i, j = found
+    if not value:
+        return Markup("No two parameters are correlated.")
+    return Markup("The strongest correlation is that of {} and {} in {}: {}.").format(
+        symbol(names[j]), symbol(names[i]), name, number(value, 2)
     )
 
 
@@ -211,7 +236,8 @@ def profile_section(comparison: Comparison) -> Section | None:
         axes.plot(profile.grid, profile.rise, "-o", ms=3, color=mode_colour(0))
         axes.axhline(PROFILES.rise, color=FLOOR, lw=1.0)
         axes.axvline(known.samples[0, place], color=MEASURED, lw=0.8, ls=":")
-        axes.set(ylim=(0, _HEIGHT * PROFILES.rise), xlim=(own.lower, own.upper), xlabel=own.unit)
+        axes.set(ylim=(0, _HEIGHT * PROFILES.rise), xlim=(own.lower, own.upper), ylabel="rise (nats)")
+        axes.set_xlabel(parameter_label(entry.parameter, own.unit))
         if own.scale == "log":
             axes.set_xscale("log")
         axes.set_title(f"{math_symbol(entry.parameter)}, {experiment.name}")
@@ -222,6 +248,7 @@ def profile_section(comparison: Comparison) -> Section | None:
         "passed, a value is excluded (95 %). Dotted: the value that the data were simulated with.",
         good="passes the line on both sides, close to the value.",
         bad="stays below it up to a bound: no limit on that side.",
+        finding=f"{len(doubtful)} profiles of parameters that the data leave open.",
     )
     return Section("profiles", "Profiles of parameters that are not identifiable", [figure])
 

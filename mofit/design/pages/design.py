@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
+from mofit.design.candidates import Candidate
 from mofit.design.design_job import Proposal
+from mofit.design.optimal_design import Design
 from mofit.design.text import GRADES, criterion_text, samples_text, seconds_text, settings_text, value_text
 from mofit.report.toolkit.axes import log_if_wide
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Raw, Section, Table, Text, badge, banner, words
@@ -118,8 +120,19 @@ def _over_frequency(proposal: Proposal, summary: Mapping[str, Any], names: Seque
             "frequency. The minimum is where the parameter is most visible.",
             good="a clear minimum: sines of that frequency are informative.",
             bad="lines along the dashed one: no sine adds information on the parameter.",
+            finding=_most_informative(found, kept, names),
         )
     ]
+
+
+def _most_informative(found: Design, kept: Sequence[tuple[int, Candidate]], names: Sequence[str]) -> Markup:
+    """The frequency of the sine that lowers each standard deviation most."""
+    best = {name: min(kept, key=lambda one, k=k: found.single_sd[one[0], k])[1] for k, name in enumerate(names)}  # type: ignore[misc]
+    parts = [
+        Markup("{} at {} Hz").format(symbol(name), number(float(one.experiment.frequency or 0)))
+        for name, one in best.items()
+    ]
+    return Markup("A sine informs most: {}.").format(listed(parts))
 
 
 def _time(proposal: Proposal, summary: Mapping[str, Any]) -> Section:
@@ -156,6 +169,8 @@ def _time_figure(proposal: Proposal) -> Figure:
         "The criterion over the time of the tests.",
         good="the curve still falls at the star: the time is well spent.",
         bad="it is flat before: a shorter design is as informative.",
+        finding=f"The proposed design takes {seconds_text(found.seconds)}; "
+        f"{label} {number(factor * found.value_before)} before, {number(factor * found.value_after)} after.",
     )
 
 

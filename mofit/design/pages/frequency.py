@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.ticker import LogLocator
 
 from mofit._typing import FloatArray
@@ -13,7 +14,7 @@ from mofit.design.information import SourceInformation
 from mofit.models import MaxwellBranch
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text, tabs
 from mofit.report.toolkit.figures import BASELINE, FLOOR, Panels, dot_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import math_symbol, number
+from mofit.report.toolkit.formatting import listed, math_symbol, number, symbol
 
 #: Frequencies of tests that do not repeat are gathered in so many classes per decade, others by harmonics.
 _CLASSES = 24
@@ -93,7 +94,17 @@ def _information_figure(known: SourceInformation, names: tuple[str, ...]) -> Fig
         "its harmonics.",
         good="filled circles close below the open ones: nothing else explains the same change.",
         bad="filled circles far below the open ones: other parameters compensate for most of it.",
+        finding=_peaks(known, names),
     )
+
+
+def _peaks(known: SourceInformation, names: tuple[str, ...]) -> Markup:
+    """The frequency at which the tests inform most about each parameter."""
+    parts = []
+    for name in names:
+        frequency, alone, _ = information_over_frequency(known, name)
+        parts.append(Markup("{} at {} Hz").format(symbol(name), number(float(frequency[np.argmax(alone)]))))
+    return Markup("Most information comes on {}.").format(listed(parts))
 
 
 def loss_peak(stiffness: float, damping: float) -> float:
@@ -159,6 +170,7 @@ def _branch(known: SourceInformation, branch: MaxwellBranch) -> list[Block]:
         good="tests on both sides of the peak.",
         bad=f"all tests far above it: {branch.damping} is correlated with {parallel}; all far below it: "
         f"{branch.stiffness} is hardly identifiable.",
+        finding=f"The loss peaks at {number(peak)} Hz; {sum(t > peak for t in tests)} of {len(tests)} tests lie above.",
     )
     return [Text(text), figure]
 

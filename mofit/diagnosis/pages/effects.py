@@ -84,7 +84,8 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
         [one["statistic"] for one in candidates],
         color=[mode_colour(0) if one["name"] in named else BASELINE for one in candidates],
     )
-    axes.set_xscale("symlog", linthresh=10)
+    axes.set_xscale("log")
+    axes.set_xlim(left=1)
     axes.set_xlabel("score statistic T (without the effect: chi-square, one degree of freedom per size component)")
     axes.grid(axis="y", visible=False)
     return panels.figure(
@@ -93,7 +94,16 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
         "resemble the right one score as well: the refits decide.",
         good="one bar is much longer than the others, and it is blue.",
         bad="several bars are equally long: see what to test next.",
+        finding=_first_and_second(data, candidates),
     )
+
+
+def _first_and_second(data: Mapping[str, Any], candidates: Sequence[Mapping[str, Any]]) -> str:
+    """The largest scores; `candidates` are in ascending order."""
+    if not candidates:
+        return "No effect would explain anything of the residual."
+    shown = [f"{_title(data, one['name'])} (T = {number(one['statistic'], 3)})" for one in candidates[:-3:-1]]
+    return f"The largest score has {shown[0]}" + (f", the next {shown[1]}." if len(shown) > 1 else ".")
 
 
 def _bias_table(data: Mapping[str, Any]) -> Table:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mofit.diagnosis.shrinkage import in_percent, labelled_shares
@@ -54,7 +54,16 @@ def _figure(shrinkage: Mapping[str, Any]) -> Figure:
         "Share of the squared gap that the effect removes where it was left out of the fit, with 90 % intervals.",
         good="all kinds are near 100 %.",
         bad="the headline lies far below the others: the law does not hold there.",
+        finding=_range(rows),
     )
+
+
+def _range(rows: Sequence[tuple[str, Mapping[str, Any], str]]) -> str:
+    if not rows:
+        return ""
+    low, high = (choose(rows, key=lambda row: row[1]["share"]) for choose in (min, max))
+    least, most = (f"{in_percent(row[1]['share'])}{THIN}% ({row[0]})" for row in (low, high))
+    return f"The effect removes {least} of the gap." if low is high else f"Between {least} and {most} of the gap go."
 
 
 def _table(shrinkage: Mapping[str, Any]) -> Table:

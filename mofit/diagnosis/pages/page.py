@@ -14,21 +14,30 @@ from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
 from mofit.diagnosis.pages.effects import effects_section, ruled_out_section
 from mofit.diagnosis.pages.hold_outs import hold_out_blocks
 from mofit.diagnosis.pages.proposed import proposed_section
+from mofit.diagnosis.pages.residuals import AFTER, BEFORE, COLUMNS, MODELS, MOST
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
 from mofit.diagnosis.result import Diagnosis, page_data
 from mofit.diagnosis.shrinkage import in_percent
 from mofit.report import Page
 from mofit.report.toolkit.axes import axis_of_tests
-from mofit.report.toolkit.blocks import Block, Figure, Section, Text, banner, cards, method_section, tabs
-from mofit.report.toolkit.figures import BASELINE, FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.blocks import Block, Figure, Section, Text, banner, cards, method_section
+from mofit.report.toolkit.description import keyed, test_of
+from mofit.report.toolkit.figures import (
+    BASELINE,
+    FLOOR,
+    MEASURED,
+    Panels,
+    band_key,
+    dot_key,
+    line_key,
+    mode_colour,
+    panel_of,
+)
 from mofit.report.toolkit.formatting import THIN, Unit, display_unit, number, percent
 from mofit.report.toolkit.page import draw_sections, write_json, write_page
 
 _GRADES = {"none": "good", "effect": "good", "group": "bad", "several": "good", "partly": "fair", "unknown": "bad"}
-#: Panels in a row, and most records that are drawn.
-_COLUMNS, _MOST = 4, 16
 _LAYOUT: Any = {"margin": (0.75, 0.5, 0.1), "gap": (0.5, 0.85)}
-_MODELS, _COLOURS = ("without effects", "with the best model"), (BASELINE, mode_colour(0))
 
 
 def diagnosis_page(diagnosis: Diagnosis) -> Page:
@@ -111,29 +120,37 @@ def verdict_section(data: Mapping[str, Any]) -> Section:
 
 
 def shrinkage_section(data: Mapping[str, Any]) -> Section:
-    """NRMSD per test; output over input, and residual over time."""
+    """NRMSD per test, and output over input."""
     outputs = dict.fromkeys(one["output_name"] for one in data["records"])
-    panes: dict[str, list[Block]] = {}
+    loops: list[Block] = []
     for name in outputs:
-        records = [one for one in data["records"] if one["output_name"] == name][:_MOST]
+        records = [one for one in data["records"] if one["output_name"] == name][:MOST]
         unit = display_unit(records[0]["output_unit"], np.concatenate([one["measured"] for one in records]))
         periodic = [one for one in records if one["frequency"] is not None]
-        of = f" of {name}" if len(outputs) > 1 else ""
-        panes |= {f"Loops{of}": [_loops(periodic, unit)]} if periodic else {}
-        panes[f"Residuals{of}"] = [_residuals(records, display_unit(records[0]["output_unit"], 0.0))]
-    blocks: list[Block] = [*hold_out_blocks(data["shrinkage"]), _errors(data), *tabs(panes)]
+        loops += [_loops(periodic, unit)] if periodic else []
+    blocks: list[Block] = [*hold_out_blocks(data["shrinkage"]), _errors(data), *loops]
     keys = ("nrmsd_before", "nrmsd_after", "noise_floor", "shrinkage", "records")
     return Section("shrinkage", "How far it shrinks", blocks, {key: data[key] for key in keys})
 
 
+def _most_improved(data: Mapping[str, Any]) -> str:
+    before, after = data["nrmsd_before"], data["nrmsd_after"]
+    test = max(before, key=lambda one: before[one] - after[one])
+    return (
+        f"The error falls most in {test}: from {percent(before[test])} to {percent(after[test])} "
+        f"(noise floor {percent(data['noise_floor'][test])})."
+    )
+
+
 def _errors(data: Mapping[str, Any]) -> Figure:
     tests = list(data["nrmsd_before"])
-    legend = [band_key(colour, label, 1.0) for colour, label in zip(_COLOURS, _MODELS, strict=True)]
+    legend = [band_key(colour, label, 1.0) for _, label, colour in MODELS]
     panels = Panels(1, 1, 1.9, legend=[*legend, line_key(FLOOR, "noise floor")], margin=(0.75, 0.75, 0.1))
     axes = panels.axes[0]
     x = axis_of_tests(axes, tests)
-    for offset, key, colour in zip((-0.2, 0.2), ("nrmsd_before", "nrmsd_after"), _COLOURS, strict=True):
-        axes.bar(x + offset, [100 * data[key][test] for test in tests], 0.38, color=colour)
+    for offset, (key, model, colour) in zip((-0.2, 0.2), MODELS, strict=True):
+        bars = axes.bar(x + offset, [100 * data[f"nrmsd_{key}"][test] for test in tests], 0.38, color=colour)
+        keyed(bars.patches[0], model=model, test=[test_of(test) for test in tests])
     floors = [100 * data["noise_floor"][test] for test in tests]
     axes.hlines(floors, x - 0.42, x + 0.42, color=FLOOR, lw=1.6)
     panels.label(y="NRMSD (%)")
@@ -143,21 +160,35 @@ def _errors(data: Mapping[str, Any]) -> Figure:
         "floor can still hide a gap: the gap repeats, the noise does not.",
         good="blue equals the noise floor in every test.",
         bad="blue is well above it somewhere.",
+        finding=_most_improved(data),
     )
 
 
+def _loops_apart(records: Sequence[Mapping[str, Any]]) -> str:
+    """The test whose loop the effect changes most."""
+    apart = [
+        float(np.ptp(np.asarray(one["after"]) - np.asarray(one["before"])) / (np.ptp(one["measured"]) or 1.0))
+        for one in records
+    ]
+    k = int(np.argmax(apart))
+    return f"The best model changes the loop of {records[k]['test']} most: by up to {percent(apart[k])} of its range."
+
+
 def _loops(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
-    lines = [line_key(c, label, ls=ls) for c, label, ls in zip(_COLOURS, _MODELS, ("--", "-"), strict=True)]
+    dashes = dict(zip((BEFORE, AFTER), ("--", "-"), strict=True))
+    lines = [line_key(colour, label, ls=dashes[label]) for _, label, colour in MODELS]
     legend = [dot_key(MEASURED, "measured", marker="."), *lines]
-    panels = Panels(len(records), _COLUMNS, 1.75, legend=legend, **_LAYOUT)
+    panels = Panels(len(records), COLUMNS, 1.75, legend=legend, **_LAYOUT)
     for axes, one in zip(panels.axes, records, strict=True):
         x = display_unit(one["input_unit"], one["input"])
         values = x.factor * np.asarray(one["input"])
         measured, before, after = (unit.factor * np.asarray(one[key]) for key in ("measured", "before", "after"))
         axes.plot(values, measured, color=MEASURED, ls="none", marker=".", ms=3.2)
-        axes.plot(values, before, color=BASELINE, ls="--", lw=1.2)
-        axes.plot(values, after, color=mode_colour(0), lw=1.4)
-        axes.set_title(one["test"])
+        (dashed,) = axes.plot(values, before, color=BASELINE, ls="--", lw=1.2)
+        (line,) = axes.plot(values, after, color=mode_colour(0), lw=1.4)
+        keyed(dashed, model=BEFORE)
+        keyed(line, model=AFTER)
+        panel_of(axes, one["test"])
         axes.set_xlabel(x.label(one["input_name"]), labelpad=1)
     panels.label(y=unit.label(records[0]["output_name"]))
     return panels.figure(
@@ -165,24 +196,7 @@ def _loops(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
         "Output over input in the last period of each test.",
         good="the blue line runs through the middle of the measured points.",
         bad="the blue line is no better than the dashed one.",
-    )
-
-
-def _residuals(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:
-    legend = [line_key(colour, label) for colour, label in zip(_COLOURS, _MODELS, strict=True)]
-    panels = Panels(len(records), _COLUMNS, 1.5, legend=legend, **_LAYOUT)
-    for axes, one in zip(panels.axes, records, strict=True):
-        for key, colour in zip(("before", "after"), _COLOURS, strict=True):
-            residual = np.asarray(one["measured"]) - np.asarray(one[key])
-            axes.plot(np.asarray(one["time"]), unit.factor * residual, color=colour, lw=1.0)
-        axes.set_title(one["test"])
-        axes.set_xlabel("time (s)", labelpad=1)
-    panels.label(y=unit.label("residual"))
-    return panels.figure(
-        "Measured minus simulated over time, before and after",
-        "Measured minus simulated in the last period of each test (or at its end), noise included.",
-        good="the blue line is noise.",
-        bad="the blue line follows the input.",
+        finding=_loops_apart(records),
     )
 
 

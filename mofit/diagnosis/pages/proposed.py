@@ -9,8 +9,8 @@ import numpy as np
 
 from mofit.diagnosis.effect_file import EFFECT_FILE
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, words
-from mofit.report.toolkit.figures import Panels, band_key, line_key, mode_colour
-from mofit.report.toolkit.formatting import compact, display_unit, interval, percent, unit_text
+from mofit.report.toolkit.figures import Panels, band_key, line_key, mode_colour, panel_of
+from mofit.report.toolkit.formatting import compact, display_unit, interval, number, percent, unit_text
 
 #: Width of a 90 % interval in standard deviations.
 _INTERVAL = 3.29
@@ -74,15 +74,17 @@ def _curve(data: Mapping[str, Any]) -> Figure:
         if several:  # a loop has no inside that a band could fill
             for edge in (low, high):
                 axes.plot(x.factor * at, y.factor * edge, color=mode_colour(0), lw=0.6, alpha=0.5)
-            axes.set_title(one["test"])
+            panel_of(axes, one["test"])
         else:
             axes.fill_between(x.factor * at, y.factor * low, y.factor * high, color=mode_colour(0), alpha=0.25, lw=0)
         axes.set_xlabel(x.label(found["variable"].replace("_", " ")), labelpad=1)
     panels.label(y=y.label(f"added to {proposed['quantity'].replace('_', ' ')}"))
+    largest = y.factor * max(float(np.max(np.abs(one["y"]))) for one in curves)
     return panels.figure(
         "The proposed term over the signal that it depends on",
         "What the term adds, at most in the range of the data. "
         + ("It depends on more than this signal, so each test has a loop." if several else ""),
         good="the band is narrow, and the shape is one that you know from such parts.",
         bad="the band is wide, or the curve bends where no test was.",
+        finding=f"The term reaches {number(largest, 2)} {y.name}.",
     )

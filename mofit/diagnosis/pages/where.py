@@ -6,13 +6,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 
+from mofit.diagnosis.pages.residuals import AFTER, BEFORE, residual_figures
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.report.toolkit.axes import heat_map
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, words
+from mofit.report.toolkit.description import keyed, test_of
 from mofit.report.toolkit.figures import BASELINE, MEASURED, Panels, line_key, mode_colour
-from mofit.report.toolkit.formatting import display_unit, number, p_value, parameter_label, percent, symbol
+from mofit.report.toolkit.formatting import (
+    Unit,
+    display_unit,
+    listed,
+    number,
+    p_value,
+    parameter_label,
+    percent,
+    symbol,
+)
 
 #: p-value, corrected for the number of entries, below which one is set in bold.
 _SIGNIFICANT = 0.01
@@ -20,7 +32,6 @@ _SIGNIFICANT = 0.01
 _MOST_TESTS = 6
 #: Width of a letter of a test's name, inches; letters for which there is room beside the maps.
 _LETTER, _LONGEST = 0.07, 40
-_BEFORE, _AFTER = "without effects", "with the best model"
 
 
 def where_section(data: Mapping[str, Any]) -> Section:
@@ -34,6 +45,7 @@ def where_section(data: Mapping[str, Any]) -> Section:
         ),
         _tests_table(data["where"], data["residual"]),
         _classes_figure(before, after, unit),
+        *residual_figures(data["records"]),
         _input_figure(before["input"], data["records"][0], unit),
         _time_figure(before["time"], after["time"], unit),
     ]
@@ -49,7 +61,7 @@ def _tests_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:
         return Text("No residual test is significant.")
     shown = display_unit(before["unit"], max(test["rms"] for one in sources for test in one.values()))
     columns = [words("Residual test", [described[name] for name in names])]
-    for title, tests in zip((_BEFORE, _AFTER), sources, strict=True):
+    for title, tests in zip((BEFORE, AFTER), sources, strict=True):
         found = [tests.get(name) for name in names]
         sizes = ["–" if test is None else number(shown.factor * test["rms"], 2) for test in found]
         columns.append(Column(f"{title} ({shown.name})", sizes))
@@ -70,16 +82,36 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     shown = display_unit(unit, largest)
     left = 0.25 + _LETTER * min(max(map(len, tests), default=0), _LONGEST)
     panels = Panels(2, 2, 0.27 * len(tests) + 0.2, margin=(left, 0.65, 0.1), top=0.5, gap=(0.25, 0.5))
-    for axes, source, title in zip(panels.axes, maps, (_BEFORE, _AFTER), strict=True):
+    for axes, source, title in zip(panels.axes, maps, (BEFORE, AFTER), strict=True):
         _class_map(axes, source, tests, classes, largest, shown.factor)
         axes.set_title(f"{title}: gap ({shown.name})")
+        keyed(axes, model=title)
+        keyed(axes.xaxis, lines=list(classes))
+        keyed(axes.yaxis, test=[test_of(test) for test in tests])
     panels.axes[1].set_yticklabels([])
     return panels.figure(
         "Gap per test and spectral class, before and after",
         "Root mean square of the gap per test and class of spectral lines: constant; odd, even and half multiples of "
-        "the excitation frequency; wheel and drum order; the rest. Bold: significant at 1 % over the whole map.",
+        "the excitation frequency; wheel and drum order; the rest. Bold: significant at 1 % over the whole map. A "
+        "click on a cell opens the spectrum and the time trace of its test.",
         good="no cell on the right is bold.",
         bad="cells on the right are bold as well: no named effect explains what is left there.",
+        finding=_largest_entry(maps, classes, shown),
+        opens=True,
+    )
+
+
+def _largest_entry(maps: Sequence[Sequence[Mapping[str, Any]]], classes: Mapping[str, str], shown: Unit) -> str:
+    """Where the gap of the model without effects is largest, and what is left there with the best one."""
+    before = max(maps[0], key=lambda entry: entry["gap"], default=None)
+    if before is None or not before["gap"]:
+        return "No class of lines holds a gap."
+    place = before["test"], before["lines"]
+    left = sum(entry["gap"] for entry in maps[1] if (entry["test"], entry["lines"]) == place)
+    label = classes[before["lines"]].replace("-\n", "").replace("\n", " ")
+    return (
+        f"The gap is largest in {before['test']}, lines '{label}': {number(shown.factor * before['gap'], 2)} "
+        f"{shown.name}; with the best model {number(shown.factor * left, 2)} {shown.name} are left there."
     )
 
 
@@ -117,6 +149,13 @@ def _class_map(
     heat_map(axes, values, tests, list(classes.values()), cmap="Blues", vmin=0, vmax=largest)
 
 
+def _agreement(found: Sequence[Mapping[str, Any]]) -> Markup:
+    apart = [symbol(one["parameter"]) for one in found if one["p_value"] < _SIGNIFICANT]
+    if not apart:
+        return Markup("All tests agree on every parameter.")
+    return Markup("The tests disagree on {}.").format(listed(apart))
+
+
 def _input_figure(found: Mapping[str, Any], record: Mapping[str, Any], unit: str) -> Figure:
     gap = np.asarray(found["gap"], dtype=float)
     clear = np.where(np.abs(gap) > 2 * np.asarray(found["error"], dtype=float), gap, np.nan)
@@ -138,18 +177,22 @@ def _input_figure(found: Mapping[str, Any], record: Mapping[str, Any], unit: str
         "measured output is larger.",
         good="no pattern, and hardly a cell on the right.",
         bad="bands along the input (a static curve is wrong) or along its rate (a dynamic part is).",
+        finding=f"{int(np.isfinite(clear).sum())} of {int(np.isfinite(gap).sum())} cells lie beyond two standard "
+        "errors (chance: one in twenty).",
     )
 
 
 def _time_figure(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], unit: str) -> Figure:
     shown = display_unit(unit, np.concatenate([part["gap"] for part in before]))
-    legend = [line_key(BASELINE, _BEFORE), line_key(mode_colour(0), _AFTER)]
+    legend = [line_key(BASELINE, BEFORE), line_key(mode_colour(0), AFTER)]
     panels = Panels(1, 1, 1.7, legend=legend, margin=(0.8, 0.55, 0.15), top=0.45)
     axes, offset, timed = panels.axes[0], 0.0, all(part["start_time"] is not None for part in before)
     for part, later in zip(before, after, strict=True):
+        test = test_of(part["test"])
         time = np.asarray(part["time"]) + (part["start_time"] if timed else offset)
-        axes.plot(time, shown.factor * np.asarray(part["gap"]), color=BASELINE, marker=".")
-        axes.plot(time, shown.factor * np.asarray(later["gap"]), color=mode_colour(0), marker=".")
+        for one, model, colour in ((part, BEFORE, BASELINE), (later, AFTER, mode_colour(0))):
+            (line,) = axes.plot(time, shown.factor * np.asarray(one["gap"]), color=colour, marker=".")
+            keyed(line, test=test, model=model)
         offset = float(time[-1]) * 1.02
     axes.set_ylim(bottom=0)
     x = "time since the campaign began (s)" if timed else "tests one after another (s)"
@@ -159,7 +202,15 @@ def _time_figure(before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[st
         "Root mean square of the residual within each test, on lines that a model can explain, noise included.",
         good="the lines are level.",
         bad="they rise or fall within the tests, or from test to test in the order of the runs.",
+        finding=_drift(before, shown),
     )
+
+
+def _drift(before: Sequence[Mapping[str, Any]], shown: Unit) -> str:
+    means = [float(np.nanmean(part["gap"])) for part in before]
+    low, high = int(np.argmin(means)), int(np.argmax(means))
+    least, most = (f"{number(shown.factor * means[k], 2)} {shown.name} in {before[k]['test']}" for k in (low, high))
+    return f"The residual of the model without effects lies between {least} and {most}."
 
 
 def homogeneity_section(data: Mapping[str, Any]) -> Section | None:
@@ -172,12 +223,14 @@ def homogeneity_section(data: Mapping[str, Any]) -> Section | None:
         place = np.arange(len(one["tests"]))
         axes.errorbar(place, one["values"], np.asarray(one["sds"]), color=MEASURED, ls="none", marker="o", ms=4)
         axes.set_xticks(place, one["tests"], rotation=40, ha="right", fontsize=7)
+        keyed(axes.xaxis, test=[test_of(test) for test in one["tests"]])
         axes.set_title(parameter_label(one["parameter"], one["unit"]))
     figure = panels.figure(
         "Estimates from each test alone",
         "Estimate of each parameter from each test alone, with standard deviation.",
         good="the bars overlap.",
         bad="the estimates drift from test to test: the parameter compensates for something that the model lacks.",
+        finding=_agreement(found),
     )
     verdicts = [badge("agree", "good") if one["p_value"] >= _SIGNIFICANT else badge("disagree", "bad") for one in found]
     table = Table(

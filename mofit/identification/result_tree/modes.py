@@ -16,7 +16,7 @@ from mofit.identification.result_tree.scoped import scoped_group
 from mofit.optimize import Profile
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, test_log_likelihood
-from mofit.results import axis, draw_axes, draws_dataset, group_dataset, parameter_axis, quantity
+from mofit.results import axis, draw_axes, draws_dataset, group_dataset, parameter_axis, predictive_places, quantity
 from mofit.sampling import contraction, laplace_covariance, mixture, r_hat, verdict
 
 #: Posterior draws simulated for the predictive bands, and the most numbers they may take.
@@ -61,11 +61,9 @@ def _predictive(problem: Problem, draws: FloatArray) -> xr.Dataset:
     """Simulated outputs of every test at some of the posterior draws (chain, draw, d), evenly spread."""
     samples = sum(experiment.measured.size for experiment in problem.experiments)
     most = min(PREDICTIVE_DRAWS, max(PREDICTIVE_NUMBERS // samples, FEWEST_PREDICTIVE_DRAWS))
-    if len(draws) > most:  # long records: not even one draw of every chain
-        draws = draws[np.linspace(0, len(draws) - 1, most).astype(int)]
-    wanted = max(1, most // len(draws))
-    few = draws[:, np.linspace(0, draws.shape[1] - 1, min(wanted, draws.shape[1])).astype(int)]
-    return simulated_signals(problem, few, dtype=np.float32)
+    chains = min(len(draws), most)  # long records: not even one draw of every chain
+    places = predictive_places(draws.shape[:2], (chains, min(max(1, most // chains), draws.shape[1])))
+    return simulated_signals(problem, draws[places], dtype=np.float32)
 
 
 def _summary(path: str, problem: Problem, mode: PosteriorMode) -> xr.Dataset:

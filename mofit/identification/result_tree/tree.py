@@ -15,6 +15,7 @@ from mofit import __version__
 from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
+from mofit.identification.result_tree.laws import law_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
 from mofit.identification.result_tree.outputs import measured_signals, noise_and_range, over_tests, test_axes, unit_of
 from mofit.identification.search_registry import search_descriptions
@@ -43,7 +44,8 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         "/parameters": _parameters(outcome),
         **_fixed(outcome),
         **_conditions(outcome.problem),
-        **_search(outcome),
+        **({} if outcome.study else _search(outcome)),
+        **law_groups(outcome),
         "/minima": _minima(outcome),
         "/observed_data": measured_signals(outcome.problem),
         "/constant_data": _constant_data(outcome.problem),
@@ -87,7 +89,7 @@ def _root(outcome: IdentificationResult) -> xr.Dataset:
     }
     campaign, model = outcome.campaign, problem.model
     evaluations = {
-        "search": outcome.search.evaluations,
+        "search": outcome.study.evaluations if outcome.study else outcome.search.evaluations,
         "sample": int(sum(mode.chains.evaluations for mode in outcome.modes)),
     }
     attributes = {

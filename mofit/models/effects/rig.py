@@ -48,7 +48,7 @@ class WheelOrder(Addition):
     name = "wheel_order"
     title = "force variation of the wheel"
     family = "non-uniformity of rotating parts"
-    on = ("lateral_force",)
+    on = ("lateral_force", "longitudinal_force")
     needs = ("longitudinal_velocity",)
     parameters: tuple[Parameter, ...] = (
         Parameter(
@@ -140,7 +140,7 @@ class ForceGain(Scaling):
     name = "force_gain"
     title = "force gain"
     family = "sensor error"
-    on = ("lateral_force", "force")
+    on = ("lateral_force", "longitudinal_force", "force")
     of_rig = True
     parameters = (Parameter("g_F", "1", -0.2, 0.2, 0.02, description="gain error of the force", neutral=0.0),)
 
@@ -151,7 +151,7 @@ class ForceOffset(Addition):
     name = "force_offset"
     title = "force offset"
     family = "sensor error"
-    on = ("lateral_force", "force")
+    on = ("lateral_force", "longitudinal_force", "force")
     of_rig = True
     parameters = (
         Parameter("F_off", "N", -500.0, 500.0, 25.0, description="offset of the force", neutral=0.0, scales=FORCE),
@@ -167,7 +167,7 @@ class TestOffset(Addition):
     name = "test_offset"
     title = "force offset of each test"
     family = "sensor error"
-    on = ("lateral_force", "force")
+    on = ("lateral_force", "longitudinal_force", "force")
     parameters = (
         Parameter(
             "F_t", "N", -500.0, 500.0, 25.0, description="offset of the force in a test", neutral=0.0, per=PER_TEST,

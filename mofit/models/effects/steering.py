@@ -6,7 +6,7 @@ import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.filters import Washout, derivative, lagged, washout_states, washout_time
-from mofit.models.library.steady_state import slip_stiffness
+from mofit.models.library.steady_state import LATERAL, slip_stiffness
 from mofit.models.library.tyres import contact_force
 from mofit.models.model import SAMPLE_INTERVAL, Applied, Condition, Symbols
 from mofit.parameters import Parameter, powers
@@ -107,7 +107,7 @@ class SteeringCompliance(Effect):
     title = "compliance of the steering"
     family = "compliance"
     on = ("slip_angle",)
-    needs = ("dF0",)
+    needs = ("dF0", "slip_normalisation")
     # 0.08 degrees per kilonewton
     parameters = (
         Parameter(
@@ -121,7 +121,7 @@ class SteeringCompliance(Effect):
         if "d_y" not in s:
             return Applied(self._settled(s, value, transport))
         slip = s.longitudinal_velocity * ca.sin(value) / transport
-        slope = slip_stiffness(s, slip)
+        slope = slip_stiffness(LATERAL.curve(s), slip)
         through_damper = transport * s.d_y
         gain = slope * through_damper / (through_damper + slope)
         force = contact_force(s, slope, slip, transport) / (1 + s.kappa_s * gain)
@@ -132,7 +132,7 @@ class SteeringCompliance(Effect):
         angle = value
         for _ in range(_ROUNDS):
             slip = s.longitudinal_velocity * ca.sin(angle) / transport
-            angle = value - s.kappa_s * slip_stiffness(s, slip) * slip
+            angle = value - s.kappa_s * slip_stiffness(LATERAL.curve(s), slip) * slip
         return angle
 
 

@@ -134,7 +134,7 @@ class Inertia(Effect):
     name = "inertia"
     title = "inertia"
     family = "inertia"
-    on = ("lateral_force", "damper_force")
+    on = ("lateral_force", "longitudinal_force", "damper_force")
     needs = ("deflection_rate or velocity",)
     parameters = (
         Parameter(

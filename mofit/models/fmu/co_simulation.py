@@ -10,9 +10,10 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.models.black_box import Record
 from mofit.models.fmu.mapping import FmuMapping, Port
+from mofit.quantities import HOLD
 
-#: Share of a communication step that its last part takes.
-_LAST = 1e-3
+#: Share of a communication step that its last part takes: what an FMU makes of the input during it is an error.
+_LAST = 1e-5
 
 
 def co_simulate(
@@ -20,7 +21,7 @@ def co_simulate(
 ) -> FloatArray:
     r"""Outputs (n, ny) in SI units at the samples of a record.
 
-    Inputs are linear between samples. Each sampling interval takes one or more communication steps
+    Inputs run between samples as the record says. Each sampling interval takes one or more communication steps
     (`FmuMapping.steps_in`); see `_schedule` for what the FMU is told of its inputs in each.
 
     Raises
@@ -32,19 +33,21 @@ def co_simulate(
     setter, getter = (fmu.setFloat64, fmu.getFloat64) if three else (fmu.setReal, fmu.getReal)
     interpolates = not three and description.coSimulation.canInterpolateInputs
     interval = float(record.time[-1]) / (len(record.time) - 1) if len(record.time) > 1 else 1.0
-    schedule = _schedule(mapping.steps_in(interval), interpolates, mapping.fixed_step is not None)
-    inputs, references = _inputs(mapping, record), [port.reference for port in mapping.inputs]
+    sloping = interpolates and record.interpolation != HOLD
+    schedule = _schedule(mapping.steps_in(interval), sloping, mapping.fixed_step is not None)
+    inputs, references = _Inputs(mapping, record), [port.reference for port in mapping.inputs]
+    told = [(inputs.at(place), inputs.slopes(begin, length)) for begin, length, place in schedule]
     seen = [port.reference for port in mapping.outputs]
     found = np.empty((len(record.time), len(seen)))
 
-    _initialise(fmu, three, mapping, record, parameters, setter, inputs[0].tolist())
+    _initialise(fmu, three, mapping, record, parameters, setter, inputs.samples[0].tolist())
     found[0] = getter(seen)
-    for k, (value, change) in enumerate(zip(inputs, np.diff(inputs, axis=0), strict=False)):
-        for begin, length, place in schedule:
+    for k in range(len(found) - 1):
+        for (begin, length, _), (values, slopes) in zip(schedule, told, strict=True):
             if references:
-                setter(references, (value + place * change).tolist())
-            if references and interpolates:
-                fmu.setRealInputDerivatives(references, [1] * len(references), (change / interval).tolist())
+                setter(references, values[k].tolist())
+            if references and sloping:
+                fmu.setRealInputDerivatives(references, [1] * len(references), slopes[k].tolist())
             ended = fmu.doStep(
                 currentCommunicationPoint=(k + begin) * interval, communicationStepSize=length * interval
             )
@@ -87,28 +90,50 @@ def constants(mapping: FmuMapping, record: Record, parameters: Mapping[str, floa
     return references, values
 
 
-def _schedule(steps: int, interpolates: bool, fixed: bool) -> list[tuple[float, float, float]]:
+def _schedule(steps: int, sloping: bool, fixed: bool) -> list[tuple[float, float, float]]:
     """Begin and length of each communication step, and where its input is taken, as shares of a sampling interval.
 
-    - An FMU that interpolates (FMI 2, ``canInterpolateInputs``) takes the input at the beginning, with its slope.
-    - Any other one holds the input during the step: it takes that of the middle, which is right to second order. A last
-      step, a thousandth as long, takes the input at the sample, so that an output that follows it at once is exact.
+    - An FMU that interpolates (FMI 2, ``canInterpolateInputs``) takes a sloping input at the beginning, with its slope.
+    - Any other one holds the input during the step: it takes that of the middle, which is right to second order, and
+      exact where the record holds it too. A last, very short step takes the input at the sample, so that an output
+      that follows it at once is exact.
     - One with a fixed step takes the input at the end: such an output is exact, the rest half a step early.
     """
     whole = [(j / steps, 1 / steps) for j in range(steps)]
-    if interpolates:
+    if sloping:
         return [(begin, length, begin) for begin, length in whole]
     if fixed:
-        return [(begin, length, begin + length) for begin, length in whole]
+        return [*((begin, length, begin + length) for begin, length in whole[:-1]), (*whole[-1], 1.0)]
     held = [(begin, length, begin + length / 2) for begin, length in whole]
     begin, length, middle = held.pop()
     return [*held, (begin, (1 - _LAST) * length, middle), (1 - _LAST * length, _LAST * length, 1.0)]
 
 
-def _inputs(mapping: FmuMapping, record: Record) -> FloatArray:
-    """Inputs at the samples, (n, nu), in the FMU's units."""
-    columns = [port.from_si(record.inputs[port.name]) for port in mapping.inputs]
-    return np.stack(columns, axis=1) if columns else np.zeros((len(record.time), 0))
+class _Inputs:
+    """The inputs of an FMU in its own units, between the samples of a record."""
+
+    def __init__(self, mapping: FmuMapping, record: Record) -> None:
+        self.interval = float(record.time[-1]) / (len(record.time) - 1) if len(record.time) > 1 else 1.0
+        self.ports, self.curves = mapping.inputs, [record.curve(port.name) for port in mapping.inputs]
+        columns = [port.from_si(record.inputs[port.name]) for port in mapping.inputs]
+        self.samples = np.stack(columns, axis=1) if columns else np.zeros((len(record.time), 0))
+
+    def at(self, share: float) -> FloatArray:
+        """Values at a share of every sampling interval, (n - 1, nu); at 1 those of the next sample."""
+        return self.samples[1:] if share == 1 else self._before(share)
+
+    def slopes(self, begin: float, length: float) -> FloatArray:
+        """Mean slopes over a part of every sampling interval, (n - 1, nu)."""
+        return (self._before(begin + length) - self._before(begin)) / (length * self.interval)
+
+    def _before(self, share: float) -> FloatArray:
+        """The polynomials themselves: no rounding of a time leads into the interval beside, where an input jumps."""
+        count = len(self.samples) - 1
+        columns = [
+            port.from_si(np.polyval(curve.c[:, :count, 0], share * self.interval))
+            for port, curve in zip(self.ports, self.curves, strict=True)
+        ]
+        return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
 
 def _in_si(found: FloatArray, ports: tuple[Port, ...]) -> FloatArray:

@@ -24,8 +24,8 @@ Entry = TypeVar("Entry", ChannelEntry, ParameterEntry)
 _MOST = 12
 #: The range of a parameter that has a start value alone: by this factor around it; the search widens it.
 _AROUND = 10.0
-#: Communication steps per sample of an FMU that holds its inputs during a step.
-_STEPS = 10
+#: Communication steps per sample of an FMU that holds its inputs during a step, and of one that takes their slopes.
+_STEPS, _SLOPING_STEPS = 10, 4
 
 
 def fmu_model(reference: str) -> Simulator:
@@ -115,7 +115,7 @@ class _Builder:
     def _steps(self, interface: str) -> int:
         if interface != CO_SIMULATION or self.map.steps is not None:
             return self.map.steps or 1
-        return _STEPS if self.found.holds_inputs else 1
+        return _STEPS if self.found.holds_inputs else _SLOPING_STEPS
 
     def _channels(
         self, causality: str, table: Mapping[str, str | ChannelEntry] | None

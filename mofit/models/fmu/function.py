@@ -7,6 +7,7 @@ import stat
 import tempfile
 import weakref
 from collections.abc import Mapping
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,8 @@ from mofit.runtime.isolated import Call, IsolatedProcess
 from mofit.runtime.isolated_server import in_child
 from mofit.runtime.sending import sendable
 
-#: Samples that a reset instance must repeat before resets are trusted, and how well.
+#: Samples that a reset instance must repeat before resets are trusted, and how well. It simulates as many more: the
+#: curve of an input depends on the samples behind.
 _REPEATED, _ALIKE = 20, 1e-6
 #: Seconds that a simulation may take in the function's own process.
 _PATIENCE = 60.0
@@ -183,16 +185,14 @@ class Instance:
 
     def _repeats(self, record: Record, parameters: Mapping[str, float], found: FloatArray) -> bool:
         """Whether the instance, once reset, repeats the first samples."""
-        n = min(_REPEATED, len(record.time))
-        start = Record(
-            record.name, record.time[:n], {name: one[:n] for name, one in record.inputs.items()}, record.conditions
-        )
+        n = min(2 * _REPEATED, len(record.time))
+        start = replace(record, time=record.time[:n], inputs={name: one[:n] for name, one in record.inputs.items()})
         try:
             again = self._run(start, parameters)
         except Exception:  # noqa: BLE001  the first run was fine: it is the reset that is not
             return False
         size = np.ptp(found, axis=0) + np.abs(found).max(axis=0)
-        return bool(np.all(np.abs(again - found[:n]) <= _ALIKE * size))
+        return bool(np.all(np.abs(again - found[:n])[:_REPEATED] <= _ALIKE * size))
 
     def _differences(self, record: Record, parameters: Mapping[str, float], free: tuple[str, ...]) -> FloatArray:
         """Central differences, (n, ny, nf), with steps of the third root of the integration's tolerance."""

@@ -10,12 +10,13 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.models.black_box import Record
 from mofit.models.fmu.mapping import FmuMapping
+from mofit.quantities import HOLD
 
 
 def exchange(
     fmu: Any, description: Any, folder: str, mapping: FmuMapping, record: Record, parameters: Mapping[str, float]
 ) -> FloatArray:
-    """Outputs (n, ny) in SI units at the samples of a record; inputs are linear between samples.
+    """Outputs (n, ny) in SI units at the samples of a record, between which inputs run as it says.
 
     Raises
     ------
@@ -29,7 +30,8 @@ def exchange(
     start = {name: value for name, _, value in mapping.values}
     start |= {port.variable: float(port.from_si(parameters[port.name])) for port in mapping.parameters}
     start |= {port.variable: float(port.from_si(record.conditions[port.name])) for port in mapping.conditions}
-    _follow_inputs(fmu, description, mapping, record)
+    if record.interpolation != HOLD:
+        _follow_inputs(fmu, description, mapping, record)
     result = simulate_fmu(
         folder,
         validate=False,
@@ -58,23 +60,29 @@ def _follow_inputs(fmu: Any, description: Any, mapping: FmuMapping, record: Reco
     """
     three, references = description.fmiMajorVersion == 3, [port.reference for port in mapping.inputs]
     setter = fmu.setFloat64 if three else fmu.setReal
-    columns = [port.from_si(record.inputs[port.name]) for port in mapping.inputs]
+    curves, end = [(port, record.curve(port.name)) for port in mapping.inputs], float(record.time[-1])
 
     def set_time(time: float) -> None:
         type(fmu).setTime(fmu, time)
         if references:
-            setter(references, [float(np.interp(time, record.time, column)) for column in columns])
+            setter(references, [float(port.from_si(curve(min(time, end))[0])) for port, curve in curves])
 
     fmu.setTime = set_time
 
 
 def _signals(mapping: FmuMapping, record: Record) -> Any:
-    """Inputs as FMPy takes them: a structured array with the time."""
+    """Inputs as FMPy takes them: a structured array with the time.
+
+    A time that stands there twice is an event: so an input that is held jumps at samples, and the solver begins anew.
+    """
     if not mapping.inputs:
         return None
+    n, held = len(record.time), record.interpolation == HOLD
+    times = np.repeat(np.arange(n), 2)[1:] if held else np.arange(n)
+    values = np.repeat(np.arange(n), 2)[:-1] if held else times
     names = ["time", *(port.variable for port in mapping.inputs)]
-    signals = np.zeros(len(record.time), dtype=[(name, np.float64) for name in names])
-    signals["time"] = record.time
+    signals = np.zeros(len(times), dtype=[(name, np.float64) for name in names])
+    signals["time"] = record.time[times]
     for port in mapping.inputs:
-        signals[port.variable] = port.from_si(record.inputs[port.name])
+        signals[port.variable] = port.from_si(record.inputs[port.name])[values]
     return signals

@@ -18,6 +18,7 @@ from mofit._typing import FloatArray
 from mofit.models.black_box import Record
 from mofit.models.fmu.co_simulation import constants
 from mofit.models.fmu.mapping import FmuMapping, Port
+from mofit.quantities import HOLD
 
 #: Step of the differences that a directional derivative is checked with, and how well both must agree.
 _STEP, _ALIKE = 1e-4, 1e-3
@@ -34,8 +35,10 @@ def sensitivities(
     """Derivatives (n, ny, nf) of the outputs by free parameters, in SI units; None where the FMU does not give them.
 
     It need not: FMI leaves open whether parameters are among the directions. So each is checked against differences at
-    the first sample. Nor are there any over an event that the FMU announces.
+    the first sample. Nor are there any over an event: those that the FMU announces, and the jumps of held inputs.
     """
+    if record.interpolation == HOLD:
+        return None
     try:
         model = _Model(fresh, description, mapping, record, parameters, free)
         return _integrated(model, record.time) if model.checked() else None
@@ -187,8 +190,8 @@ class _Model:
             (self.fmu.setFloat64 if self.three else self.fmu.setReal)(references, values)
 
     def _set_inputs(self, t: float) -> None:
-        time, inputs = self.record.time, self.record.inputs
-        values = [float(port.from_si(np.interp(t, time, inputs[port.name]))) for port in self.mapping.inputs]
+        t = min(t, float(self.record.time[-1]))
+        values = [float(port.from_si(self.record.curve(port.name)(t)[0])) for port in self.mapping.inputs]
         self._set([port.reference for port in self.mapping.inputs], values)
 
     def _read(self, function: Callable[..., Any]) -> FloatArray:

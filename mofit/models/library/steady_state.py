@@ -1,8 +1,11 @@
-"""Static tyre forces: the TMeasy curve over slip and the lateral spring."""
+"""Static tyre forces: the TMeasy curve over slip and the spring of the carcass, for either direction."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from types import MappingProxyType
+from typing import NamedTuple
 
 import casadi as ca
 
@@ -68,7 +71,15 @@ def lateral_slip(s: Symbols) -> tuple[ca.SX, ca.SX]:
     return s.quantity("lateral_slip", speed * ca.sin(angle) / transport), transport
 
 
-def slip_stiffness(s: Symbols, slip: ca.SX) -> ca.SX:
+class Curve(NamedTuple):
+    """TMeasy curve of one direction: initial slope [N], slip at the maximum force [1] and maximum force [N]."""
+
+    dF0: ca.SX
+    s_M: ca.SX
+    F_M: ca.SX
+
+
+def slip_stiffness(curve: Curve, slip: ca.SX) -> ca.SX:
     r"""Secant slope :math:`f_G = F / s` of the TMeasy curve [N], finite at zero slip.
 
     With :math:`\sigma = |s| / s_M` and :math:`\kappa = dF_0 s_M / F_M`
@@ -89,23 +100,58 @@ def slip_stiffness(s: Symbols, slip: ca.SX) -> ca.SX:
     Rill, "First order tire dynamics", III ECCM 2006; Hirschberg, Rill & Weinfurter, "Tire model TMeasy", Vehicle
     System Dynamics 45 (2007), 101–119.
     """
+    dF0, s_M, F_M = curve
     size = ca.fabs(slip)
-    sigma = ca.fmin(size / s.s_M, 1)
-    rising = s.dF0 / (1 + sigma * (sigma + s.dF0 * s.s_M / s.F_M - 2))
-    tau = ca.fmin(ca.fmax((size / s.s_M - 1) / (SLIDING_SLIP - 1), 0), 1)
-    falling = s.F_M * (1 - (1 - SLIDING_FORCE) * tau**2 * (3 - 2 * tau)) / ca.fmax(size, s.s_M)
-    return ca.if_else(size <= s.s_M, rising, falling)
+    sigma = ca.fmin(size / s_M, 1)
+    rising = dF0 / (1 + sigma * (sigma + dF0 * s_M / F_M - 2))
+    tau = ca.fmin(ca.fmax((size / s_M - 1) / (SLIDING_SLIP - 1), 0), 1)
+    falling = F_M * (1 - (1 - SLIDING_FORCE) * tau**2 * (3 - 2 * tau)) / ca.fmax(size, s_M)
+    return ca.if_else(size <= s_M, rising, falling)
 
 
-def carcass_force(s: Symbols, y: ca.SX) -> ca.SX:
+@dataclass(frozen=True)
+class Direction:
+    """One direction of the contact patch: its slip, the names of its parameters, and how its quantities are called."""
+
+    slip: Callable[[Symbols], tuple[ca.SX, ca.SX]]
+    """Slip [1] and transport velocity [m/s] from the symbols."""
+    curve_parameters: tuple[str, str, str]
+    """Initial slope, slip at the maximum and maximum force."""
+    carcass_parameters: tuple[str, str, str]
+    """Stiffness, its change with deflection, and damping."""
+    prefix: str = ""
+    """Before the name of every quantity that is announced."""
+
+    def curve(self, s: Symbols) -> Curve:
+        """The TMeasy curve of the test."""
+        return Curve(*(getattr(s, name) for name in self.curve_parameters))
+
+    def stiffness(self, s: Symbols) -> tuple[ca.SX, ca.SX]:
+        """Stiffness at small deflection [N/m] and its change with deflection [1/m]."""
+        return getattr(s, self.carcass_parameters[0]), getattr(s, self.carcass_parameters[1])
+
+    def damping(self, s: Symbols) -> ca.SX:
+        """Damping of the carcass [N s/m]."""
+        return getattr(s, self.carcass_parameters[2])
+
+    def quantity(self, s: Symbols, name: str, value: ca.SX) -> ca.SX:
+        """Announce a quantity of this direction."""
+        return s.quantity(self.prefix + name, value)
+
+
+LATERAL = Direction(lateral_slip, ("dF0", "s_M", "F_M"), ("c_y", "p_y", "d_y"))
+
+
+def carcass_force(s: Symbols, y: ca.SX, direction: Direction = LATERAL) -> ca.SX:
     r"""Eq. (16) of Hackl et al. 2016 [N] at deflection ``y`` [m]; quantity ``carcass_force``.
 
     A degressive spring holds its largest force :math:`c_y / (4 |p_y|)` from :math:`|y| = 1 / (2 |p_y|)` on, where
     eq. (16) alone would turn round and diverge.
     """
-    largest = 0.5 / ca.fmax(-s.p_y, _HARDLY_DEGRESSIVE)
+    stiffness, change = direction.stiffness(s)
+    largest = 0.5 / ca.fmax(-change, _HARDLY_DEGRESSIVE)
     held = ca.fmax(-largest, ca.fmin(y, largest))
-    return s.quantity("carcass_force", s.c_y * (1 + s.p_y * ca.fabs(held)) * held)
+    return direction.quantity(s, "carcass_force", stiffness * (1 + change * ca.fabs(held)) * held)
 
 
 class TMeasyCurve(Model):
@@ -126,7 +172,7 @@ class TMeasyCurve(Model):
     def equations(self, s: Symbols) -> Equations:
         """Force of the settled tyre."""
         slip, _ = lateral_slip(s)
-        force = s.quantity("steady_state_force", slip_stiffness(s, slip) * slip)
+        force = s.quantity("steady_state_force", slip_stiffness(LATERAL.curve(s), slip) * slip)
         return Equations(outputs={"lateral_force": force})
 
 

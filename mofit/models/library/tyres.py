@@ -5,6 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from mofit.models.library.steady_state import (
+    LATERAL,
     LATERAL_FORCE,
     LOAD,
     ROLLING_CONDITIONS,
@@ -12,8 +13,8 @@ from mofit.models.library.steady_state import (
     SPRING_PARAMETERS,
     TMEASY_PARAMETERS,
     TYPICAL_ROLLING,
+    Direction,
     carcass_force,
-    lateral_slip,
     slip_stiffness,
 )
 from mofit.models.model import Channel, Equations, MaxwellBranch, Model, Stage, Symbols
@@ -22,8 +23,15 @@ from mofit.parameters import Parameter
 DEFLECTION = Channel("lateral_deflection", "m", "lateral deflection of the carcass")
 
 
-def tyre_motion(s: Symbols, y: ca.SX, extra_force: ca.SX | float = 0.0) -> tuple[ca.SX, ca.SX]:
-    r"""Rate of the deflection ``y`` [m/s] and lateral force [N] of a tyre with any force :math:`F_x` in parallel.
+def elastic_force(s: Symbols, y: ca.SX, extra_force: ca.SX | float = 0.0, direction: Direction = LATERAL) -> ca.SX:
+    r"""Force that the deflection ``y`` alone makes, :math:`F_c(y) + F_x` [N]; quantity ``elastic_force``."""
+    return direction.quantity(s, "elastic_force", carcass_force(s, y, direction) + extra_force)
+
+
+def contact_motion(
+    s: Symbols, elastic: ca.SX, slope: ca.SX, slip: ca.SX, transport: ca.SX, direction: Direction = LATERAL
+) -> tuple[ca.SX, ca.SX]:
+    r"""Rate of the deflection [m/s] and force [N] of a tyre whose contact patch has the secant slope :math:`f_G` [N].
 
     Eq. (1), contact patch, equals the force law, carcass:
 
@@ -32,41 +40,52 @@ def tyre_motion(s: Symbols, y: ca.SX, extra_force: ca.SX | float = 0.0) -> tuple
         \quad\Rightarrow\quad
         \dot y = \frac{v^*}{v^* d_y + f_G} \, \bigl(f_G s - F_c - F_x\bigr)
 
-    which is eq. (5). Announces ``elastic_force`` (:math:`F_c + F_x`), ``slip_stiffness``, ``steady_state_force``,
-    ``deflection_mobility`` (:math:`\dot y` per newton, m/(N s)), ``deflection_rate`` and ``damper_force``. The force
-    returned is that of the contact patch, so that an effect on the rate (a force in parallel that depends on it)
-    reaches the output too.
+    which is eq. (5). Announces ``steady_state_force``, ``deflection_mobility`` (:math:`\dot y` per newton, m/(N s)),
+    ``deflection_rate`` and ``damper_force``. The force returned is that of the contact patch, so that an effect on the
+    rate (a force in parallel that depends on it) reaches the output too.
+    """
+    damping = direction.damping(s)
+    steady = direction.quantity(s, "steady_state_force", slope * slip)
+    mobility = direction.quantity(s, "deflection_mobility", transport / (transport * damping + slope))
+    rate = direction.quantity(s, "deflection_rate", mobility * (steady - elastic))
+    direction.quantity(s, "damper_force", damping * rate)
+    return rate, steady - slope * rate / transport
+
+
+def tyre_motion(
+    s: Symbols, y: ca.SX, extra_force: ca.SX | float = 0.0, direction: Direction = LATERAL
+) -> tuple[ca.SX, ca.SX]:
+    r"""`contact_motion` of a tyre with slip in one direction, at deflection ``y`` [m].
+
+    Any force :math:`F_x` in parallel is ``extra_force``. Announces ``slip_stiffness``, too.
     """
     # the carcass first: what the force does to the slip (compliance, load) needs it
-    elastic = s.quantity("elastic_force", carcass_force(s, y) + extra_force)
-    slip, transport = lateral_slip(s)
-    slope = s.quantity("slip_stiffness", slip_stiffness(s, slip))
-    steady = s.quantity("steady_state_force", slope * slip)
-    mobility = s.quantity("deflection_mobility", transport / (transport * s.d_y + slope))
-    rate = s.quantity("deflection_rate", mobility * (steady - elastic))
-    s.quantity("damper_force", s.d_y * rate)
-    return rate, steady - slope * rate / transport
+    elastic = elastic_force(s, y, extra_force, direction)
+    slip, transport = direction.slip(s)
+    slope = direction.quantity(s, "slip_stiffness", slip_stiffness(direction.curve(s), slip))
+    return contact_motion(s, elastic, slope, slip, transport, direction)
 
 
 def contact_force(s: Symbols, slope: ca.SX, slip: ca.SX, transport: ca.SX) -> ca.SX:
     r"""Lateral force [N] of the model at its present deflection and another slip, for effects that need it early.
 
-    The two equations of `tyre_motion` without the rate:
+    The two equations of `contact_motion` without the rate:
     :math:`F = f_G \, (F_c + F_x + d_y v^* s) / (v^* d_y + f_G)`.
     """
     return slope * (s.quantities["elastic_force"] + s.d_y * transport * slip) / (transport * s.d_y + slope)
 
 
-def resting_deflection(s: Symbols) -> ca.SX:
+def resting_deflection(s: Symbols, direction: Direction = LATERAL) -> ca.SX:
     r"""Deflection [m] at rest under the first slip angle.
 
     :math:`c_y (1 + p_y |y|) y = F` with :math:`F = f_G s` gives
-    :math:`y = 2 F / \bigl(c_y (1 + \sqrt{1 + 4 p_y |F| / c_y})\bigr)`. To be called after `tyre_motion`.
+    :math:`y = 2 F / \bigl(c_y (1 + \sqrt{1 + 4 p_y |F| / c_y})\bigr)`. To be called after `contact_motion`.
     """
-    force = s.quantities["steady_state_force"]
+    force = s.quantities[direction.prefix + "steady_state_force"]
+    stiffness, change = direction.stiffness(s)
     # a degressive spring has a largest force; beyond it, start from where that force is reached
-    root = ca.sqrt(ca.fmax(1 + 4 * s.p_y * ca.fabs(force) / s.c_y, 1e-4))
-    return 2 * force / (s.c_y * (1 + root))
+    root = ca.sqrt(ca.fmax(1 + 4 * change * ca.fabs(force) / stiffness, 1e-4))
+    return 2 * force / (stiffness * (1 + root))
 
 
 class Tyre(Model):

@@ -11,6 +11,7 @@ from matplotlib.image import AxesImage
 from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullLocator
 
 from mofit._typing import FloatArray
+from mofit.report.toolkit.description import keyed, test_of
 from mofit.report.toolkit.figures import WIDTH
 
 _STEPS = (1, 2, 2.5, 5, 10)
@@ -68,6 +69,7 @@ def axis_of_frequencies(axes: Axes, frequency: FloatArray) -> None:
 def axis_of_tests(axes: Axes, tests: Sequence[str]) -> FloatArray:
     """A place for each test by its name, turned where they would touch; the places."""
     x = np.arange(len(tests), dtype=float)
+    keyed(axes.xaxis, test=[test_of(name) for name in tests])
     crowded = len(tests) * max(map(len, tests), default=0) > _CROWDED * axes.get_position().width * WIDTH
     axes.set_xticks(x, list(tests), rotation=35 if crowded else 0, ha="right" if crowded else "center")
     axes.set_xlim(-0.6, len(tests) - 0.4)

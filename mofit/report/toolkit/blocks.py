@@ -91,13 +91,18 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with a caption that says what to see, and what good and bad look like; made by `Panels.figure`."""
+    """A drawing with a caption that says what to see, and what good and bad look like; made by `Panels.figure`.
+
+    `finding` is what is to be seen in this one; `described` what it is drawn from, None where it can't be explored.
+    """
 
     image: str
     alt: str
     caption: Markup | str
     good: Markup | str = ""
     bad: Markup | str = ""
+    finding: Markup | str = ""
+    described: Mapping[str, Any] | None = None
     kind: str = "figure"
 
 

@@ -15,9 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from numpy.typing import ArrayLike
 
 from mofit.report.toolkit.blocks import Figure
-from mofit.report.toolkit.formatting import is_math
+from mofit.report.toolkit.description import described, keyed, legend_entries, rounded, test_of
+from mofit.report.toolkit.formatting import html_of_math, is_math
 
 MODE_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7A5C00", "#444444")
 """Okabe & Ito (2008): distinguishable with every common kind of colour blindness; two dark tones make it eight."""
@@ -119,6 +121,10 @@ class Panels:
         lower: float = 0.0,
     ) -> None:
         self._columns = max(1, min(columns, max(count, 2)))
+        self._heights = height, lower
+        self._legend = list(legend)
+        self._labels = {"x": "", "y": "", "lower": ""}
+        self._on_request: list[tuple[Axes, dict[str, Any]]] = []
         left, bottom, right = margin
         if top is None:
             top = _legend_height(len(legend)) + 0.15 if legend else _TITLE
@@ -152,6 +158,7 @@ class Panels:
 
     def label(self, x: str = "", y: str = "", lower: str = "") -> None:
         """Label the abscissa of the lowest panel of each column, and the ordinates of the first panel of each row."""
+        self._labels = {"x": x, "y": y, "lower": lower}
         for k, axes in enumerate(self.axes):
             under = self.lower[k] if self.lower else axes
             if x and k + self._columns >= len(self.axes):
@@ -162,23 +169,70 @@ class Panels:
                         panel.set_ylabel(text)
                         panel.yaxis.set_label_coords(self._label_place, 0.5)
 
-    def figure(self, alt: str, caption: Markup | str, *, good: Markup | str = "", bad: Markup | str = "") -> Figure:
-        """The figure as an SVG inside the page; dense rasterised parts are drawn at 144 dpi.
+    def on_request(self, axes: Axes, name: str, x: ArrayLike, y: ArrayLike, colour: str, **keys: str) -> None:
+        """A curve that only an explored figure shows, while its keys are chosen."""
+        curve = {"kind": "line", "name": name, "x": rounded(x), "y": rounded(y), "colour": colour, "keys": keys}
+        self._on_request.append(
+            (axes, curve | {"width": 1.6, "dash": "solid", "alpha": 1.0, "dots": {}, "asked": True})
+        )
+
+    def figure(
+        self,
+        alt: str,
+        caption: Markup | str,
+        *,
+        good: Markup | str = "",
+        bad: Markup | str = "",
+        finding: Markup | str = "",
+        explore: bool = True,
+        **features: Any,
+    ) -> Figure:
+        """The figure as an SVG inside the page, and what its axes show, to be explored.
+
+        Dense rasterised parts of the SVG are drawn at 144 dpi.
 
         Parameters
         ----------
         alt
             What is drawn, for who can't see it.
         caption
-            What to see.
+            What to see in such a figure.
         good, bad
             What good and bad look like.
+        finding
+            What is to be seen in this one, in a sentence.
+        explore
+            Whether the axes can be read; images, and axes within axes, can't.
+        features
+            What else the script is to know of the figure, such as ``brush=True`` for parallel coordinates.
         """
         as_written(self.canvas)
         buffer = io.BytesIO()
         self.canvas.savefig(buffer, format="svg", dpi=144, metadata={"Date": None, "Creator": None})
         address = "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-        return Figure(address, alt, caption, good, bad)
+        return Figure(address, alt, caption, good, bad, finding, self._described() | features if explore else None)
+
+    def _described(self) -> dict[str, Any]:
+        """Panels with their parts and axes, each with the labels that the outer ones show for all."""
+        panels = [described(axes, self._legend) | {"height": self._heights[0]} for axes in self.axes]
+        for k, panel in enumerate(panels):
+            panel["x"]["title"] = panel["x"]["title"] or html_of_math(self._labels["x"])
+            panel["y"]["title"] = panel["y"]["title"] or html_of_math(self._labels["y"])
+            if self.lower:
+                below = described(self.lower[k], self._legend) | {"height": self._heights[1]}
+                below["y"]["title"] = below["y"]["title"] or html_of_math(self._labels["lower"])
+                panel["lower"] = below
+        places = dict(zip(self.axes, panels, strict=True))
+        places |= {axes: panel["lower"] for axes, panel in zip(self.lower, panels, strict=False)}
+        for axes, curve in self._on_request:
+            places[axes]["parts"].append(curve)
+        return {"columns": self._columns, "panels": panels, "legend": legend_entries(self._legend)}
+
+
+def panel_of(axes: Axes, test: str, title: str = "") -> None:
+    """Title of a panel that belongs to one test: who chooses another does not see it."""
+    axes.set_title(title or test)
+    keyed(axes, test=test_of(test))
 
 
 def as_written(owner: Artist) -> None:

@@ -146,6 +146,26 @@ def is_math(text: str) -> bool:
     return symbols > 0 and "$" not in rest
 
 
+def html_of_math(text: str) -> str:
+    """A text of a figure as HTML: our symbols and powers of ten in italics, lowered and raised, the rest escaped."""
+    if not is_math(text):
+        return str(escape(text))
+    parts = _MATH.split(text)
+    found = [match[0] for match in _MATH.finditer(text)]
+    plain = [str(escape(part or "")) for part in parts[:: _MATH.groups + 1]]
+    shown = [*map(_html_symbol, found), ""]
+    return "".join(between + one for between, one in zip(plain, shown, strict=True))
+
+
+def _html_symbol(math_text: str) -> str:
+    power = re.fullmatch(r"\$\\mathdefault\{(.*)\}\$", math_text)
+    if power:
+        return re.sub(r"\^\{(.*?)\}", r"<sup>\1</sup>", power[1])
+    letter, _, index = math_text.strip("$").partition("_")
+    below = re.sub(r"\{\\mathrm\{(.*)\}\}", r"<sub>\1</sub>", index)
+    return f"<i>{_GREEK.get(letter.removeprefix(chr(92)), letter)}</i>{below}"
+
+
 def parameter_label(name: str, unit: str) -> str:
     """A parameter and its unit on an axis or over a panel (matplotlib's math text)."""
     return math_symbol(name) + (f"  ({unit})" if unit_text(unit) else "")

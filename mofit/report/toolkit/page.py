@@ -27,10 +27,13 @@ colours. Axes (`axes.py`): few_ticks, log_axis, log_if_wide, axis_of_frequencies
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import gzip
 import json
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
@@ -40,6 +43,7 @@ import numpy as np
 from markupsafe import Markup
 
 from mofit.report.toolkit.blocks import Section
+from mofit.report.toolkit.description import offers
 from mofit.report.toolkit.figures import styled
 from mofit.runtime.files import atomic_path
 from mofit.runtime.output_file import PAGE_MARK
@@ -80,6 +84,7 @@ def write_page(path: Path, title: str, subtitle: str, sections: Sequence[Section
 def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     """The page as text."""
     folder = resources.files(__package__)
+    scripts = ("page.js", "abreast.js", "choices.js", "figures.js")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8")),
         autoescape=True,
@@ -87,15 +92,36 @@ def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    inline = {name: Markup((folder / name).read_text(encoding="utf-8")) for name in ("page.css", "page.js")}
+    environment.filters["packed"] = _packed_values
+    environment.filters["offers"] = offers
+
+    def inside(*names: str) -> Markup:
+        return Markup("\n".join((folder / name).read_text(encoding="utf-8") for name in names))
+
     return environment.get_template("page.html.j2").render(
         title=title,
         subtitle=subtitle,
         sections=sections,
         mark=Markup(PAGE_MARK),
-        style=inline["page.css"],
-        script=inline["page.js"],
+        style=inside("page.css"),
+        script=inside(*scripts),
+        library=_library(),
     )
+
+
+@lru_cache
+def _library() -> Markup:
+    """The library that draws explored figures, packed."""
+    return _packed((resources.files(__package__) / "vendor" / "plotly-cartesian.min.js").read_bytes())
+
+
+def _packed_values(values: Any) -> Markup:
+    return _packed(json.dumps(plain(values), allow_nan=False, separators=(",", ":")).encode())
+
+
+def _packed(content: bytes) -> Markup:
+    """As a browser unpacks it: gzip in base 64."""
+    return Markup(base64.b64encode(gzip.compress(content, 6, mtime=0)).decode("ascii"))
 
 
 def write_data(folder: Path, sections: Sequence[Section]) -> None:

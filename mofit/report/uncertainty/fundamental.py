@@ -211,7 +211,14 @@ def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit, outp
         good="the band of the draws crosses the bars of the measurement, and the error is close to the noise floor.",
         bad="a drift over frequency beyond the bars: the model's stiffness or damping varies with frequency "
         "differently from the specimen's.",
+        finding=_agreement(found) if found is not None else "The error of every test beside its noise floor.",
     )
+
+
+def _agreement(found: Fundamental) -> str:
+    """On how many tests measurement and draws agree."""
+    apart = int((found.amplitude.apart() | found.phase.apart()).sum())
+    return f"Measurement and draws agree on {len(found.tests) - apart} of {len(found.tests)} tests."
 
 
 def _draw_line(x: FloatArray, found: Measured, scale: FloatArray, axes: Axes, below: Axes) -> None:

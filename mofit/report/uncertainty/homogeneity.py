@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.report.directions import FLAT, PRIOR_SD
 from mofit.report.overlay import NINETY
-from mofit.report.per_test import PerTest, extract_per_test, per_test_panels
+from mofit.report.per_test import PerTest, extract_per_test, farthest, per_test_panels
 from mofit.report.run import Run
 from mofit.report.toolkit.blocks import Block, Column, Section, Table, Text, badge, parameter_column, unit_column, words
 from mofit.report.toolkit.formatting import (
@@ -152,6 +152,7 @@ def homogeneity_section(run: Run) -> Section | None:
         "A parameter per panel: its best minimum from each test alone, and the estimate from all tests together.",
         good="about two thirds of the bars cross the line of the joint estimate.",
         bad="the estimates drift with frequency by many bars.",
+        finding=farthest(found),
     )
     blocks: list[Block] = [Text(text), *(Text(result.text) for result in results), figure, _table(run, found, results)]
     return Section("homogeneity", "Estimates of single tests", blocks, {"parameters": results, "estimates": found})

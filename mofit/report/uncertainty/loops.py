@@ -10,7 +10,7 @@ from mofit.report.run import Run
 from mofit.report.signals import draw_loop
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Section, Table, Text
-from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour
+from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, band_key, dot_key, line_key, mode_colour, panel_of
 from mofit.report.toolkit.formatting import Unit, compact, display_unit, percent
 
 _SHOWN = 4
@@ -69,6 +69,12 @@ def _few(found: list[Overlay]) -> list[Overlay]:
     return [loops[k].last(1) for k in places]
 
 
+def _fewest_inside(found: list[Overlay]) -> str:
+    """The test of which the fewest samples lie inside the band."""
+    worst = min(found, key=lambda overlay: overlay.inside)
+    return f"Fewest samples lie inside the band in {worst.test}: {percent(worst.inside)} (expected: 90 %)."
+
+
 def _figure(found: list[Overlay], mode: str, output: str) -> Figure:
     unit = output_unit(found)
     small = display_unit(found[0].output_unit, np.concatenate([overlay.predictive_band for overlay in found]))
@@ -84,6 +90,7 @@ def _figure(found: list[Overlay], mode: str, output: str) -> Figure:
     for overlay, above, below in zip(found, panels.axes[:columns], panels.axes[columns:], strict=True):
         draw_loop([overlay], unit, above, predictive=True)
         draw_residual(overlay, small, below)
+        panel_of(below, overlay.test)
     panels.axes[0].set_ylabel(unit.label(found[0].output_name))
     panels.axes[columns].set_ylabel(small.label("measured − mean"))
     return panels.figure(
@@ -93,4 +100,5 @@ def _figure(found: list[Overlay], mode: str, output: str) -> Figure:
         good="the residual fills the wide band without a shape, and rarely leaves it.",
         bad="the residual leaves the band in the same place of every test: the model is wrong there, not its "
         "parameters.",
+        finding=_fewest_inside(found),
     )

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from mofit._typing import FloatArray
 from mofit.report.calibration import calibrated
-from mofit.report.marginals import Marginal, draw_marginal, extract_marginal, parameter_axis
+from mofit.report.marginals import Marginal, draw_marginal, extract_marginal, parameter_axis, widest
 from mofit.report.overlay import NINETY
 from mofit.report.run import Mode, Run, labels, numbers
 from mofit.report.toolkit.blocks import (
@@ -25,7 +25,7 @@ from mofit.report.toolkit.blocks import (
     unit_column,
 )
 from mofit.report.toolkit.figures import FLOOR, MEASURED, Panels, band_key, line_key
-from mofit.report.toolkit.formatting import interval, parameter_label, plus_minus, with_sd
+from mofit.report.toolkit.formatting import interval, parameter_label, percent, plus_minus, with_sd
 
 PROFILE_RISE = 1.3528
 """Rise of the negative log posterior that bounds a 90 % profile interval: half the 90 % quantile of chi², 1 degree."""
@@ -160,6 +160,7 @@ def _figure(found: list[Comparison], mode: Mode) -> Figure:
         good="a narrow peak around the MAP estimate; the profile runs along its outline.",
         bad="a peak no higher than the prior, truncated by a bound, or beside the MAP estimate or the profile: then "
         "the posterior is skewed, or a prior shifts it.",
+        finding=widest([one.marginal for one in found]),
     )
 
 
@@ -235,6 +236,7 @@ def _stacked_figure(run: Run, names: list[str]) -> Figure:
         "Posterior of each parameter, the modes stacked on each other by their probability.",
         good="one peak: the modes agree on this parameter.",
         bad="separate peaks in different colours: which value is right depends on the mode.",
+        finding=", ".join(f"{mode.name} holds {percent(shares[mode.name])}" for mode in found) + " of the posterior.",
     )
 
 

@@ -11,9 +11,10 @@ from uuid import NAMESPACE_OID, uuid5
 
 import xarray as xr
 
-from mofit.models import Model, System, build_system
+from mofit.models import Model, System
 from mofit.models.model import TIME, derivations
 from mofit.quantities import known_unit, title_of
+from mofit.results.export import system_with_equations
 from mofit.results.fmu.scales import input_sizes, state_sizes
 from mofit.results.fmu.values import condition_starts, limits_of, parameter_starts
 
@@ -92,9 +93,10 @@ def contents(tree: xr.DataTree, model: Model, mode: str = "m1", test: str | None
     Raises
     ------
     InputError
-        If the run lacks the mode, the test or a value, or if a condition differs between the tests and none is named.
+        If the run lacks the mode, the test or a value, if a condition differs between the tests and none is named, or
+        if the model has no equations.
     """
-    system = build_system(model)
+    system = system_with_equations(model)
     parameters, conditions = parameter_starts(tree, model, mode, test), condition_starts(tree, model, test)
     numbers = ({name: start.value for name, start in own.items()} for own in (parameters, conditions))
     inputs, states = input_sizes(tree, model), state_sizes(tree, model, system, *numbers)

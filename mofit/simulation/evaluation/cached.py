@@ -84,7 +84,7 @@ class Cached:
         for numbers in (record.conditions, task.parameters):
             parts += [(name, struct.pack("<d", value)) for name, value in sorted(numbers.items())]
             parts.append(("", b""))
-        parts += [(name, b"") for name in (*task.outputs, "", *task.free)]
+        parts += [(name, b"") for name in (record.interpolation, *task.outputs, "", *task.free)]
         for name, content in parts:  # with their lengths, so that no two lists look alike
             found.update(struct.pack("<QQ", len(name.encode()), len(content)) + name.encode() + content)
         return found.digest()

@@ -258,7 +258,8 @@ class BlackBoxEngine:
         seen = experiment.inputs[:, self._seen] if inputs is None else inputs
         columns = {one.name: np.ascontiguousarray(seen[:, k]) for k, one in enumerate(self.system.box.inputs)}
         time = np.asarray(np.arange(experiment.samples) * experiment.step, dtype=float)
-        return Record(experiment.name, time, columns, {name: float(value) for name, value in conditions.items()})
+        constants = {name: float(value) for name, value in conditions.items()}
+        return Record(experiment.name, time, columns, constants, experiment.interpolation)
 
 
 def replace_taken(choice: StepChoice, rows: slice) -> StepChoice:

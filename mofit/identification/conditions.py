@@ -1,0 +1,225 @@
+"""Several conditions: every combination identified alone, and the laws that the parameters follow over them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.data import Campaign
+from mofit.data.join import SPECIMEN, varying_conditions
+from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.identification.law_choice import Candidates, alternatives, choose_laws
+from mofit.identification.law_fit import CellEstimates
+from mofit.identification.law_study import LawStudy
+from mofit.identification.population import (
+    FEWEST,
+    POOLED,
+    choose_populations,
+    outliers,
+    populations,
+)
+from mofit.identification.problem_setup import choose_tests
+from mofit.identification.result import Located
+from mofit.identification.settings import Settings, free_space
+from mofit.identification.stages import locate_minima
+from mofit.models import CONSTANT, FORMS, FREE, Law, Model, law_issues
+from mofit.parameters import Parameter
+from mofit.problem import adjusted_posterior
+from mofit.quantities import known_unit
+from mofit.runtime.progress import Progress, silent
+from mofit.sampling import laplace_covariance
+from mofit.simulation.ranges import data_scales, scaled
+from mofit.simulation.scopes import scoped
+
+#: laws that the evidence chooses from where none is said
+CHOICES = (CONSTANT, "linear", "quadratic", FREE)
+
+
+def study_conditions(
+    campaign: Campaign,
+    model: Model,
+    settings: Settings,
+    tests: Sequence[str] = (),
+    *,
+    progress: Progress = silent,
+    until: float = math.inf,
+) -> LawStudy:
+    """Identify every combination of the conditions ``settings.over`` alone, and choose the laws.
+
+    Parameters
+    ----------
+    campaign, model, settings, tests
+        As for `mofit.identification.identify`.
+    progress
+        Called at every combination.
+    until
+        As for `mofit.identification.stages.locate_minima`.
+
+    Raises
+    ------
+    InputError
+        If a test does not state a condition, a condition does not vary, or a law does not suit.
+    """
+    chosen = choose_tests(model, campaign, tests)
+    used = [m.name for m in campaign.measurements if m.name in chosen or _of_a_stage(model, m.kind)]
+    varying_conditions(campaign.select(used), settings.over)
+    groups = _groups(campaign.select(used), settings.over)
+    groups = {at: names for at, names in groups.items() if set(names) & set(chosen)}
+    parameters = _parameters(model, campaign.select(chosen), settings)
+    if SPECIMEN in settings.over:
+        refuse_for_specimens(parameters, settings, len(groups))
+        candidates: Candidates = {}
+    else:
+        candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
+    alone = replace(settings, over=(), laws={})
+    located, cells = [], []
+    for number, (at, names) in enumerate(groups.items()):
+        here = ", ".join(f"{name} = {value:g}" for name, value in zip(settings.over, at, strict=True))
+        progress("conditions", number, len(groups), here)
+        own = [name for name in names if name in chosen]
+        located.append(locate_minima(campaign.select(names), model, alone, own, until=until))
+        cells.append(_estimates(located[-1], parameters))
+    progress("conditions", len(groups), len(groups), "")
+    estimates = CellEstimates(
+        parameters=tuple(parameters),
+        conditions=tuple(settings.over),
+        units=tuple(unit_of(campaign, name) for name in settings.over),
+        at=np.array(list(groups)),
+        values=np.stack([values for values, _ in cells]),
+        covariance=np.stack([covariance for _, covariance in cells]),
+    )
+    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
+    evaluations = sum(one.search.evaluations for one in located)
+    if SPECIMEN in settings.over:
+        fit, evidence = choose_populations(estimates, settings.laws)
+        found = populations(estimates), outliers(estimates)
+        return LawStudy(estimates, own_tests, fit, evidence, evaluations, *found)
+    best = choose_laws(estimates, candidates)
+    return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
+
+
+def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
+    """Raise an `InputError` with what does not suit specimens: other conditions, other laws, too few of them."""
+    issues = []
+    if len(settings.over) > 1:
+        hint = f"Pool a parameter beside laws: --per NAME={SPECIMEN} --pooled NAME"
+        issues.append(Issue("--over", f"names {SPECIMEN} and other conditions", hint))
+    if count < FEWEST:
+        issues.append(Issue(f"--over {SPECIMEN}", f"there are {count} specimens", f"Give {FEWEST} files at least"))
+    known = [one.name for one in parameters]
+    for name, form in settings.laws.items():
+        if name not in known:
+            issues.append(Issue(f"--law {name}={form}", f"no free parameter '{name}'", did_you_mean(name, known)))
+        if form not in (CONSTANT, POOLED):
+            hint = f"Choose {CONSTANT} or {POOLED}"
+            issues.append(Issue(f"--law {name}={form}", "specimens have no order", hint))
+    raise_errors(issues)
+
+
+def with_laws_of_conditions(
+    campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str], progress: Progress = silent
+) -> tuple[Model, Settings]:
+    """Model and settings with the laws that the conditions ask for; as they are where the settings name none."""
+    if not settings.over:
+        return model, settings
+    study = study_conditions(campaign, model, settings, tests, progress=progress)
+    return study.model(model), replace(study.settings(settings), over=(), laws={})
+
+
+def law_candidates(
+    parameters: Sequence[Parameter], at: FloatArray, settings: Settings, campaign: Campaign
+) -> Candidates:
+    """Laws to choose from, of every parameter over every condition: those said, else all that the values determine.
+
+    Parameters
+    ----------
+    parameters
+        Free ones of the campaign.
+    at
+        Values of the conditions, (combinations, conditions).
+    settings, campaign
+        The settings say the laws; the campaign knows the units.
+
+    Raises
+    ------
+    InputError
+        With every law that is not known, or does not suit.
+    """
+    issues, found = [], {}
+    known = {one.name: one for one in parameters}
+    for key, forms in settings.laws.items():
+        name, _, condition = key.partition("@")
+        if name not in known:
+            issues.append(Issue(f"--law {key}={forms}", f"no free parameter '{name}'", did_you_mean(name, known)))
+        if condition and condition not in settings.over:
+            hint = f"--over names {', '.join(settings.over) or 'none'}"
+            issues.append(Issue(f"--law {key}={forms}", f"'{condition}' is no condition of --over", hint))
+    for one in parameters:
+        for k, condition in enumerate(settings.over):
+            values = np.unique(at[:, k])
+            said = settings.laws.get(f"{one.name}@{condition}", settings.laws.get(one.name, ""))
+            choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
+            found[one.name, condition] = tuple(form for form in choices if said or _determined(form, values, at))
+            issues += [
+                issue for form in choices if said for issue in _unsuitable(one, condition, form, values, campaign)
+            ]
+    raise_errors(dict.fromkeys(issues))
+    return found
+
+
+def _determined(form: str, values: FloatArray, at: FloatArray) -> bool:
+    """Whether so many values determine a law; a value for each is one more than a law where there are enough."""
+    if form == FREE:
+        return len(at) > max(one.values for one in FORMS.values())
+    return form == CONSTANT or len(values) >= FORMS[form].values
+
+
+def _unsuitable(parameter: Parameter, condition: str, form: str, values: FloatArray, campaign: Campaign) -> list[Issue]:
+    if form in (CONSTANT, FREE):
+        return []
+    low, high = float(values[0]), float(values[-1])
+    law = Law(parameter.name, condition, form, (low + high) / 2, (high - low) / 2, unit_of(campaign, condition))
+    issues = law_issues(law, parameter)
+    if not issues and len(values) < FORMS[form].values:
+        what = f"needs {FORMS[form].values} values of {condition}, the tests have {len(values)}"
+        issues = [Issue(f"--law {parameter.name}={form}", what, "Choose linear, or add tests")]
+    return issues
+
+
+def unit_of(campaign: Campaign, condition: str) -> str:
+    """SI unit of a condition."""
+    return known_unit(condition) or campaign.units.get(condition, "1")
+
+
+def _of_a_stage(model: Model, kind: str) -> bool:
+    return any(kind in stage.excitations for stage in model.stages)
+
+
+def _groups(campaign: Campaign, over: Sequence[str]) -> dict[tuple[float, ...], list[str]]:
+    """Names of the tests of every combination of conditions, in order of the values."""
+    found: dict[tuple[float, ...], list[str]] = {}
+    for m in campaign.measurements:
+        found.setdefault(tuple(m.experiment.conditions[name] for name in over), []).append(m.name)
+    return dict(sorted(found.items()))
+
+
+def _parameters(model: Model, campaign: Campaign, settings: Settings) -> list[Parameter]:
+    """Free parameters of the campaign, with ranges for the data."""
+    shared, _ = scoped(free_space(scaled(model, data_scales(model, campaign)), settings))
+    return list(shared.parameters)
+
+
+def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
+    """Values (P,) at the best minimum, and the covariance (P, P) of their z, see `CellEstimates`."""
+    posterior, minimum = located.posterior, located.minima[0]
+    space = posterior.space
+    values = space.from_unit(minimum.point)
+    covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).hessian)
+    log = np.array([one.scale == "log" for one in space.parameters])
+    width = space.derivative(values) / np.where(log, values, 1.0)
+    index = [space.index(one.name) for one in parameters]
+    return values[index], (covariance * np.outer(width, width))[np.ix_(index, index)]
