@@ -90,7 +90,7 @@ def test_export_writes_the_file_of_the_command(run, tmp_path, capsys):
     made = mofit.export(run[0], "csv", out=tmp_path / "a.csv")
     assert main(["export", str(run[0]), "--to", "csv", "--out", str(tmp_path / "b.csv")]) == 0
     assert made.file.read_text() == (tmp_path / "b.csv").read_text()
-    with pytest.raises(InputError, match="is for an FMU"):
+    with pytest.raises(InputError, match="is for fmu and tydex, not for toml"):
         mofit.export(run[0], "toml", test="x", out=tmp_path / "c.toml")
 
 
