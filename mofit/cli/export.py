@@ -64,7 +64,8 @@ def export(
         run, to, mode=mode, model=model, effects=effect, fmi=fmi, test=test, template=template, load=load, out=out
     )
     if as_json:
-        print_json({"file": str(made.file), "to": to, **made.said})
+        of_mode = mode if to in ("casadi", "c", "fmu") else None
+        print_json({"file": str(made.file), "to": to, "mode": of_mode, **made.said})
     else:
         print(made.file)
     if made.said.get("note"):

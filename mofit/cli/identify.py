@@ -136,7 +136,7 @@ def identify(
     with progress_bar() as progress, ended_in(time_limit, LATE):
         named = fmu_reference(model, map_file, free)
         folder, tree = identified(
-            files or None, named, settings, effects=effect, tests=test, frequencies=freq, hold_out=hold_out, out=out,
+            files, named, settings, effects=effect, tests=test, frequencies=freq, hold_out=hold_out, out=out,
             resume=resume, progress=progress,
         )  # fmt: skip
         summary = run_summary(tree, folder)
@@ -215,8 +215,7 @@ def diagnose(
         jobs=cores(jobs),
     )
     named = fmu_reference(model, map_file, free)
-    file = files[0] if files else None
-    job = Job(file, named, effects, (), test, settings, out, hold_out=hold_out, included=include, more=files[1:])
+    job = Job(files, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
     with progress_bar() as progress, ended_in(time_limit):
         folder, found = diagnose_file(job, progress)
     if as_json:

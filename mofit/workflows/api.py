@@ -19,7 +19,7 @@ from mofit.models import Effect, Model
 from mofit.results import open_result
 from mofit.runtime.notebook import listener
 from mofit.runtime.progress import Progress
-from mofit.workflows.jobs import Job, diagnosed, identified
+from mofit.workflows.jobs import Campaigns, Job, diagnosed, identified
 from mofit.workflows.shown import Result
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def open_run(run: str | Path) -> Result:
 
 
 def identify(
-    campaign: Campaign | str | Path | Sequence[Campaign | str | Path] | None = None,
+    campaign: Campaigns = (),
     model: Model | str | None = None,
     settings: Settings | None = None,
     *,
@@ -59,8 +59,8 @@ def identify(
     Parameters
     ----------
     campaign
-        The measurements, or the path of their file; of several, the tests are taken together. By default the bundled
-        campaign, which is simulated.
+        The measurements, or the path of their file; the tests of several are identified together, each under the
+        conditions of its own. By default the bundled campaign, which is simulated.
     model
         The model, or its name: a shipped one's, or ``path/to/file.py:Name``. By default the channels decide.
     settings
@@ -92,17 +92,16 @@ def identify(
     WriteError
         If the disk fills up; what was written before stays, and ``resume`` goes on.
     """
-    first, more = _campaigns(campaign)
     job = Job(
-        first, model, as_effects(effects), tuple(frequencies), as_names(tests), settings or Settings(),
-        None if out is None else Path(out), resume, as_names(hold_out), more=more,
+        campaign, model, as_effects(effects), tuple(frequencies), as_names(tests), settings or Settings(),
+        None if out is None else Path(out), resume, as_names(hold_out),
     )  # fmt: skip
     folder, tree = identified(job, listener(progress))
     return folder, Result.of(tree)
 
 
 def diagnose(
-    campaign: Campaign | str | Path | Sequence[Campaign | str | Path] | None = None,
+    campaign: Campaigns = (),
     model: Model | str | None = None,
     effects: Effects = (),
     settings: Settings | None = None,
@@ -142,11 +141,9 @@ def diagnose(
     InputError
         If campaign, model and effects don't fit together.
     """
-    first, more = _campaigns(campaign)
     job = Job(
-        first, model, as_effects(effects), (), as_names(tests), settings or Settings(),
+        campaign, model, as_effects(effects), (), as_names(tests), settings or Settings(),
         None if out is None else Path(out), hold_out=as_names(hold_out), included=as_effects(include),
-        more=more,
     )  # fmt: skip
     return diagnosed(job, listener(progress), written=out is not None)[1]
 
@@ -232,13 +229,3 @@ def batch(
         tuple(map(Path, places)), Path(out), what, model, as_names(effects), settings or Settings(), jobs, scheduler
     )
     return run_batch(job, listener(progress))
-
-
-def _campaigns(
-    given: Campaign | str | Path | Sequence[Campaign | str | Path] | None,
-) -> tuple[Campaign | str | Path | None, tuple[Campaign | str | Path, ...]]:
-    """The first campaign and the others; None stands for the bundled one."""
-    if given is None or isinstance(given, Campaign | str | Path):
-        return given, ()
-    first, *more = given
-    return first, tuple(more)

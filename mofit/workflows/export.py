@@ -1,4 +1,4 @@
-"""What a run found, or a test of a campaign, for other programs: the work of ``mofit export``."""
+"""A run, or a test of a campaign, for other programs: the work of ``mofit export``."""
 
 from __future__ import annotations
 
@@ -10,27 +10,55 @@ from typing import Literal
 
 import xarray as xr
 
+from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
+from mofit.identification.inputs import as_campaign
+from mofit.models import Model
+from mofit.results import open_result
 from mofit.runtime.files import atomic_path
 from mofit.runtime.output_file import output_file
 
 Format = Literal["toml", "csv", "casadi", "c", "fmu", "relaxation", "bode", "tir", "tydex"]
-#: endings of files whose format has no name of its own
-_ENDINGS = {"relaxation": "_relaxation.csv", "bode": "_bode.csv"}
+
+#: formats that write the model of one posterior mode
+_OF_EQUATIONS = ("casadi", "c", "fmu")
+#: endings of files whose format has no name of its own, and those that an output may have
+_ENDINGS = {"relaxation": "_relaxation.csv", "bode": "_bode.csv", "tydex": ".tdx"}
+_RESPONSES = {"relaxation": (".csv", ".html"), "bode": (".csv", ".svg", ".png")}
 #: formats that read an option
 _FORMATS = {"--fmi": ("fmu",), "--test": ("fmu", "tydex"), "--template": ("tir",), "--load": ("tir",)}
 
 
 @dataclass(frozen=True)
 class Exported:
-    """The file, and what is to be said of it, as ``--json`` prints it."""
+    """The file, and what is to be said of it: version and platform of an FMU, what stayed as it was, and so on."""
 
     file: Path
     said: Mapping[str, str | None] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Wanted:
+    """The run with what was asked for."""
+
+    tree: xr.DataTree
+    mode: str
+    model: str | None
+    effects: tuple[str, ...]
+    fmi: Literal["3", "2"]
+    test: str | None
+    template: Path | None
+    load: str | None
+
+    def identified(self) -> Model:
+        """The model of the run."""
+        from mofit.results.export import model_of_run
+
+        return model_of_run(self.tree, self.model, self.effects)
+
+
 def export(
-    run: xr.DataTree | str | Path,
+    run: xr.DataTree | Campaign | str | Path,
     to: Format,
     *,
     mode: str = "m1",
@@ -47,19 +75,20 @@ def export(
     Parameters
     ----------
     run
-        Folder of a finished run, or its tree; for ``tydex`` the path of a campaign file.
+        Folder of a finished run, or its tree; for ``tydex`` a campaign, or its file.
     to
-        Format, see docs/export.md.
+        ``toml``, ``csv``: parameters of all modes. ``casadi``: a file for CasADi's ``Function.load``. ``c``: C source.
+        ``fmu``: a Functional Mock-up Unit for co-simulation. ``relaxation``: relaxation lengths of a tyre, as CSV or
+        page. ``bode``: its frequency response, as CSV or picture. ``tir``: a property file. ``tydex``: a test.
     mode
         Posterior mode: its MAP estimate goes into the function (``casadi``, ``c``), its posterior mean into the FMU.
     model, effects
         The run's own, if they are the user's: ``path/to/file.py:Name``.
-    fmi
-        Version of FMI, 3 by default (``fmu``).
-    test
-        Test whose conditions the FMU starts with (``fmu``), or test to write (``tydex``).
+    fmi, test
+        Version of FMI (3 by default), and the test whose conditions the FMU starts with; the test to write (tydex).
     template, load
-        Property file whose other entries stay, and vertical force of the tests, ``"3600 N"`` (``tir``).
+        Property file whose other entries stay, and the vertical force of the tests, as ``"3600 N"``, where the model
+        does not read it (tir).
     out
         File to write; by default the model's name with the ending of the format.
 
@@ -69,35 +98,28 @@ def export(
         If options don't fit together, the run is not there, or the file exists.
     """
     _check_options(to, {"--fmi": fmi, "--test": test, "--template": template, "--load": load})
-    file = None if out is None else Path(out)
     if to == "tydex":
-        if isinstance(run, xr.DataTree):
-            raise InputError.of(
-                "run", "is a result, and TYDEX holds measurements", "Give the path of the campaign file"
-            )
-        return _write_tydex(Path(run), test, file)
-    from mofit.results import open_result
-    from mofit.results.export import require_equations
-
+        return _tydex(run, test, out)
+    if isinstance(run, Campaign):
+        raise InputError.of("campaign", f"cannot be exported to {to}", "Give a run, or export it to tydex")
     tree = run if isinstance(run, xr.DataTree) else open_result(run)
-    if to in ("casadi", "c", "fmu"):
+    if to in _OF_EQUATIONS:
+        from mofit.results.export import require_equations
+
         require_equations(tree)
-    name = f"{tree.attrs['model']}{_ENDINGS.get(to, f'.{to}')}"
-    file = file or Path(re.sub("[^0-9A-Za-z_.-]", "_", name))
     start = None if template is None else Path(template)
-    said: dict[str, str | None] = {}
+    wanted = _Wanted(tree, mode, model, tuple(effects), fmi or "3", test, start, load)
+    file = _file(f"{tree.attrs['model']}{_ENDINGS.get(to, f'.{to}')}", out)
     with output_file(file, inputs=[] if start is None else [start]) as target, atomic_path(target) as temporary:
-        if to in ("toml", "csv"):
-            _write_parameters(tree, temporary, to)
-        elif to == "fmu":
-            said = _write_fmu(tree, temporary, fmi or "3", mode, model, effects, test)
-        elif to in ("relaxation", "bode"):
-            _write_responses(tree, temporary, to, target.suffix.lower(), model, effects)
-        elif to == "tir":
-            said = _write_tir(tree, temporary, start, load, model, effects)
-        else:
-            _write_function(tree, temporary, to, mode, model, effects)
-    return Exported(target, {"mode": mode if to in ("casadi", "c", "fmu") else None, **said})
+        if to in ("relaxation", "bode"):
+            _write_responses(wanted, temporary, to, target.suffix.lower())
+            return Exported(target)
+        writers = {"toml": _write_parameters, "csv": _write_parameters, "fmu": _write_fmu, "tir": _write_tir}
+        return Exported(target, writers.get(to, _write_function)(wanted, temporary, to))
+
+
+def _file(name: str, out: str | Path | None) -> Path:
+    return Path(re.sub("[^0-9A-Za-z_.-]", "_", name)) if out is None else Path(out)
 
 
 def _check_options(to: str, given: Mapping[str, object]) -> None:
@@ -109,98 +131,83 @@ def _check_options(to: str, given: Mapping[str, object]) -> None:
     )
 
 
-def _write_parameters(tree: xr.DataTree, file: Path, to: str) -> None:
+def _write_parameters(wanted: _Wanted, file: Path, to: str) -> dict[str, str | None]:
     from mofit.results.export import parameters_csv, parameters_toml
 
-    text = (parameters_toml if to == "toml" else parameters_csv)(tree)
+    text = (parameters_toml if to == "toml" else parameters_csv)(wanted.tree)
     file.write_text(text, encoding="utf-8")
+    return {}
 
 
-def _write_function(
-    tree: xr.DataTree, file: Path, to: str, mode: str, model: str | None, effects: Sequence[str]
-) -> None:
-    from mofit.results.export import c_source, identified_function, model_of_run
+def _write_function(wanted: _Wanted, file: Path, to: str) -> dict[str, str | None]:
+    from mofit.results.export import c_source, identified_function
 
-    chosen = model_of_run(tree, model, tuple(effects))
-    function = identified_function(tree, chosen, mode)
+    tree, chosen = wanted.tree, wanted.identified()
+    function = identified_function(tree, chosen, wanted.mode)
     if to == "casadi":
         function.save(str(file))
-        return
+        return {}
     keys = ("title", "campaign_title", "campaign_source", "created", "mofit_version")
-    origin = {"mode": mode, **{key.replace("_", " "): str(tree.attrs[key]) for key in keys}}
+    origin = {"mode": wanted.mode, **{key.replace("_", " "): str(tree.attrs[key]) for key in keys}}
     file.write_text(c_source(function, chosen, origin), encoding="utf-8")
+    return {}
 
 
-def _write_fmu(
-    tree: xr.DataTree,
-    file: Path,
-    fmi: Literal["3", "2"],
-    mode: str,
-    model: str | None,
-    effects: Sequence[str],
-    test: str | None,
-) -> dict[str, str | None]:
-    """What is to be said of it."""
-    from mofit.results.export import model_of_run
+def _write_fmu(wanted: _Wanted, file: Path, to: str) -> dict[str, str | None]:
     from mofit.results.fmu.archive import write_fmu
 
-    built = write_fmu(tree, model_of_run(tree, model, tuple(effects)), file, fmi=fmi, mode=mode, test=test)
+    fmi = wanted.fmi
+    built = write_fmu(wanted.tree, wanted.identified(), file, fmi=fmi, mode=wanted.mode, test=wanted.test)
     return {"fmi": fmi, "platform": built.platform, "note": built.note or None}
 
 
-def _write_responses(
-    tree: xr.DataTree, file: Path, to: str, ending: str, model: str | None, effects: Sequence[str]
-) -> None:
+def _write_responses(wanted: _Wanted, file: Path, to: str, ending: str) -> None:
     from mofit.prediction.relaxation import bode_csv, relaxation_csv, tyre_responses
     from mofit.prediction.relaxation_page import save_bode, write_relaxation_page
-    from mofit.results.export import model_of_run
 
-    endings = {"relaxation": (".csv", ".html"), "bode": (".csv", ".svg", ".png")}[to]
-    if ending not in endings:
-        raise InputError.of(f"--out *{ending}", f"is no format of --to {to}", f"End it in {', '.join(endings)}")
-    responses = tyre_responses(tree, model_of_run(tree, model, tuple(effects)))
+    if ending not in _RESPONSES[to]:
+        raise InputError.of(f"--out *{ending}", f"is no format of --to {to}", f"End it in {', '.join(_RESPONSES[to])}")
+    responses = tyre_responses(wanted.tree, wanted.identified())
     if ending == ".csv":
         text = (relaxation_csv if to == "relaxation" else bode_csv)(responses)
         file.write_text(text, encoding="utf-8")
     elif ending == ".html":
-        write_relaxation_page(responses, str(tree.attrs["title"]), file)
+        write_relaxation_page(responses, str(wanted.tree.attrs["title"]), file)
     else:
         save_bode(responses, file, ending[1:])
 
 
-def _write_tir(
-    tree: xr.DataTree, file: Path, template: Path | None, load: str | None, model: str | None, effects: Sequence[str]
-) -> dict[str, str | None]:
-    """What is to be said of it: what stayed as it was, and why."""
+def _write_tir(wanted: _Wanted, file: Path, to: str) -> dict[str, str | None]:
+    """What stayed as it was, and why, is to be said."""
     from mofit.prediction.tyre_draws import tyre_draws
-    from mofit.results.export import model_of_run
     from mofit.results.tir_entries import tir_replacements
     from mofit.results.tir_file import TirFile
     from mofit.units import parse_quantity
 
+    template = wanted.template
     if template is None:
         raise InputError.of("--to tir", "needs a property file to start from", "Name one with --template")
     if not template.is_file():
         raise InputError.of(f"--template {template}", "no such file", "Name a .tir file")
-    newton = None if load is None else parse_quantity("--load", load, "N")[0]
+    newton = None if wanted.load is None else parse_quantity("--load", wanted.load, "N")[0]
     tir = TirFile.of_bytes(template.read_bytes(), f"file '{template.name}'")
-    draws = tyre_draws(tree, model_of_run(tree, model, tuple(effects)), newton)
-    new, kept = tir_replacements(tir, draws)
+    new, kept = tir_replacements(tir, tyre_draws(wanted.tree, wanted.identified(), newton))
     file.write_bytes(tir.patched(new))
     reasons = "; ".join(f"{key}: {reason}" for key, reason in kept.items())
     return {"replaced": ", ".join(new), "note": f"left as in the template: {reasons}" if reasons else None}
 
 
-def _write_tydex(campaign_file: Path, test: str | None, out: Path | None) -> Exported:
-    from mofit.data import read_campaign
+def _tydex(given: xr.DataTree | Campaign | str | Path, test: str | None, out: str | Path | None) -> Exported:
     from mofit.data.tydex_file import only_test, tydex_text
 
-    if campaign_file.is_dir():
-        raise InputError.of(f"'{campaign_file}'", "is a run, and TYDEX holds measurements", "Name the campaign file")
-    campaign = read_campaign(campaign_file)
+    if isinstance(given, xr.DataTree) or (not isinstance(given, Campaign) and Path(given).is_dir()):
+        what = "the run" if isinstance(given, xr.DataTree) else f"'{given}'"
+        raise InputError.of(what, "is a run, and TYDEX holds measurements", "Name the campaign file")
+    campaign = as_campaign(given)
     chosen = campaign[only_test(campaign.tests, test)]
     text = tydex_text(chosen, campaign.title, campaign.units)
-    file = out or Path(re.sub("[^0-9A-Za-z_.-]", "_", f"{chosen.name}.tdx"))
-    with output_file(file, inputs=[campaign_file]) as target, atomic_path(target) as temporary:
+    inputs = [] if isinstance(given, Campaign) else [Path(given)]
+    file = _file(f"{chosen.name}{_ENDINGS['tydex']}", out)
+    with output_file(file, inputs=inputs) as target, atomic_path(target) as temporary:
         temporary.write_text(text, encoding="ascii")
-    return Exported(target, {"mode": None, "test": chosen.name})
+    return Exported(target, {"test": chosen.name})

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from mofit.diagnosis.result import Diagnosis
 
+#: a campaign or several, or their files
+Campaigns = Campaign | str | Path | Sequence[Campaign | str | Path]
 #: Relative difference between a frequency that a user writes and that of a test.
 FREQUENCY_TOLERANCE = 1e-3
 
@@ -32,8 +34,9 @@ FREQUENCY_TOLERANCE = 1e-3
 class Job:
     """An identification or a diagnosis in a user's words."""
 
-    file: Campaign | str | Path | None = None
-    """Campaign, or its file; None means the bundled campaign."""
+    campaign: Campaigns = ()
+    """Campaign, or its file; the tests of several are one campaign, each under the conditions of its own. None at all
+    means the bundled campaign."""
     model: Model | str | None = None
     effects: tuple[Effect | str, ...] = ()
     """Objects, names of shipped ones or ``path/to/file.py:Name``; without a model, the campaign's channels decide. A
@@ -51,8 +54,6 @@ class Job:
     """Tests that are not used, but predicted."""
     included: tuple[Effect | str, ...] = ()
     """Effects that are part of the model that a diagnosis takes."""
-    more: tuple[Campaign | str | Path, ...] = ()
-    """More campaigns: the tests of all are one campaign, each under the conditions of its own."""
 
 
 def identified(job: Job, progress: Progress = silent) -> tuple[Path, xr.DataTree]:
@@ -115,12 +116,12 @@ def _with_effects(model: Model, effects: Sequence[Effect | str], campaign: Campa
 
 def _inputs(job: Job, progress: Progress) -> tuple[Campaign, Model]:
     """Campaign and model, without effects; by default the model that fits the campaign's channels."""
-    if job.file is None:
+    if not job.campaign:
         progress("bundled", 0, 0, "no FILE given: taking the bundled campaign, which is simulated")
-    given = [bundled_campaign() if job.file is None else job.file, *job.more]
-    campaigns = [as_campaign(one) for one in given]
-    names = [one.title if isinstance(one, Campaign) else Path(one).stem for one in given]
-    campaign = joined(campaigns, names)
+    given = job.campaign or bundled_campaign()
+    several = [given] if isinstance(given, Campaign | str | Path) else list(given)
+    names = [one.title if isinstance(one, Campaign) else Path(one).stem for one in several]
+    campaign = joined([as_campaign(one) for one in several], names)
     if job.model is not None:
         return campaign, as_model(job.model)
     return campaign, default_model(name for m in campaign.measurements for name in (*m.experiment.inputs, *m.outputs))
