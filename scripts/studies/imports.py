@@ -143,11 +143,7 @@ def main() -> None:
         "",
         *table(
             ("files", "edited to"),
-            [
-                (f"`{pattern}`", f"`{line}`".replace("\n", "`, `"), "")
-                for pattern, es in EDITS.items()
-                for _, line in es
-            ],
+            [(f"`{pattern}`", f"`{line}`".replace("\n", "`, `")) for pattern, es in EDITS.items() for _, line in es],
         ),
     ]
     write_page("imports", lines)
