@@ -36,7 +36,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("report",),
     ("prediction",),
     ("identification", "plots"),
-    ("design", "diagnosis"),
+    ("experimental_design", "diagnosis"),
     ("workflows",),
     ("cli",),
     ("__main__",),
@@ -271,9 +271,9 @@ def package_graph(imports: list[Import]) -> dict[str, set[str]]:
 
 #: Where a package stands on its layer in the picture, in box widths from the left; others follow to the right.
 COLUMNS = {
-    "cli": 0.75, "workflows": 1.5, "design": 0.5, "diagnosis": 1.5, "identification": 1.0, "prediction": 2.0,
-    "report": 3.0, "problem": 2.0, "results": 3.0, "simulation": 2.0, "sampling": 0.0, "optimize": 1.0,
-    "data": 2.0, "models": 3.0,
+    "cli": 0.75, "workflows": 1.5, "experimental_design": 0.5, "diagnosis": 1.5, "identification": 1.0,
+    "prediction": 2.0, "report": 3.0, "problem": 2.0, "results": 3.0, "simulation": 2.0, "sampling": 0.0,
+    "optimize": 1.0, "data": 2.0, "models": 3.0,
 }  # fmt: skip
 #: Sizes in the picture, in pixels: of a box, between boxes, between layers, of a line of text; characters in a line.
 BOX, GAP, RISE, LINE, CHARACTERS = 196, 14, 26, 13, 30

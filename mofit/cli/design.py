@@ -96,8 +96,8 @@ def compare(
         Number of experiments, the best first, whose simulated data are identified; shows the width of the posterior.
     """
     from mofit.cli.output import progress_bar, show_comparison
-    from mofit.design.summary import comparison_summary
-    from mofit.design.text import augmentation_sentences
+    from mofit.experimental_design.summary import comparison_summary
+    from mofit.experimental_design.text import augmentation_sentences
     from mofit.workflows.planning import compare as compared
 
     values, groups, threads = by_name("--at", at), tests_by_name("--group", group), cores(jobs)
@@ -109,7 +109,7 @@ def compare(
             )  # fmt: skip
         summary = comparison_summary(found)
         if out is not None:
-            from mofit.design.pages.comparison import write_comparison
+            from mofit.experimental_design.pages.comparison import write_comparison
 
             summary["page"] = str(write_comparison(found, out))
     if as_json:
@@ -175,7 +175,7 @@ def design(
         Plan file to write the design into, for `mofit simulate`.
     """
     from mofit.cli.output import progress_bar, show_design
-    from mofit.design.summary import design_summary
+    from mofit.experimental_design.summary import design_summary
     from mofit.workflows.planning import design as designed
 
     values, weights, threads = by_name("--at", at), by_name("--combination", combination), cores(jobs)
@@ -189,11 +189,11 @@ def design(
             )  # fmt: skip
         summary = design_summary(proposal)
         if plan is not None:
-            from mofit.design.design_job import write_plan
+            from mofit.experimental_design.design_job import write_plan
 
             write_plan(proposal, plan)
         if out is not None:
-            from mofit.design.pages.design import write_design_page
+            from mofit.experimental_design.pages.design import write_design_page
 
             write_design_page(proposal, summary, out)
     if as_json:

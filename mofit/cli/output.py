@@ -208,7 +208,7 @@ def _shares(kinds: Sequence[Mapping[str, Any]]) -> Table:
 
 def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) -> None:
     """Experiments × parameters, then why, of what ``--json`` prints; last what would make the others identifiable."""
-    from mofit.design.identifiability import IDENTIFIABLE
+    from mofit.experimental_design.identifiability import IDENTIFIABLE
 
     console = terminal_console()
     names = list(summary["experiments"][0]["parameters"])
@@ -257,7 +257,7 @@ def _stacked(summary: Mapping[str, Any]) -> Table:
 
 
 def _cells(entry: Mapping[str, Any]) -> list[str]:
-    from mofit.design.text import GRADES, percent
+    from mofit.experimental_design.text import GRADES, percent
 
     star = "*" if len(entry["verdicts"]) > 1 else ""
     colour = _COLOURS[GRADES[entry["verdict"]]]
@@ -270,7 +270,7 @@ def _cells(entry: Mapping[str, Any]) -> list[str]:
 
 def show_design(summary: Mapping[str, Any]) -> None:
     """The tests to run first, then what they give, then what else was evaluated; of what ``--json`` prints."""
-    from mofit.design.text import criterion_text, settings_text, value_text
+    from mofit.experimental_design.text import criterion_text, settings_text, value_text
 
     console = terminal_console()
     table = _table("run next", "kind", "settings", "times", "time", words=("kind", "settings"))

@@ -12,8 +12,8 @@ from mofit.runtime.progress import Progress
 from mofit.units import Quantity
 
 if TYPE_CHECKING:
-    from mofit.design.comparison_result import Comparison
-    from mofit.design.design_job import Proposal
+    from mofit.experimental_design.comparison_result import Comparison
+    from mofit.experimental_design.design_job import Proposal
 
 
 def compare(
@@ -61,8 +61,8 @@ def compare(
     InputError
         If files, names and numbers don't fit together.
     """
-    from mofit.design.comparison import compare_files
-    from mofit.design.prepare import Inputs
+    from mofit.experimental_design.comparison import compare_files
+    from mofit.experimental_design.prepare import Inputs
 
     inputs = Inputs(
         tuple(map(Path, files)), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed,
@@ -114,8 +114,8 @@ def design(
     InputError
         If files, names and numbers don't fit together.
     """
-    from mofit.design.design_job import DesignJob, design_file
-    from mofit.design.prepare import Inputs
+    from mofit.experimental_design.design_job import DesignJob, design_file
+    from mofit.experimental_design.prepare import Inputs
 
     inputs = Inputs(
         (Path(file),), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed, jobs

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from mofit.design.comparison_result import Comparison
-    from mofit.design.design_job import Proposal
     from mofit.diagnosis.result import Diagnosis
+    from mofit.experimental_design.comparison_result import Comparison
+    from mofit.experimental_design.design_job import Proposal
 
 #: columns of the table of a run
 COLUMNS = ("value", "mean", "sd", "q05", "q95", "unit", "verdict")
@@ -74,12 +74,12 @@ def summary(found: xr.DataTree | str | Path | Comparison | Proposal | Diagnosis)
     """
     import pandas as pd
 
-    from mofit.design.comparison_result import Comparison
-    from mofit.design.design_job import Proposal
     from mofit.diagnosis.result import Diagnosis
+    from mofit.experimental_design.comparison_result import Comparison
+    from mofit.experimental_design.design_job import Proposal
 
     if isinstance(found, Comparison):
-        from mofit.design.summary import comparison_summary
+        from mofit.experimental_design.summary import comparison_summary
 
         return _indexed(
             {
@@ -90,7 +90,7 @@ def summary(found: xr.DataTree | str | Path | Comparison | Proposal | Diagnosis)
             ("experiment", "parameter"),
         )
     if isinstance(found, Proposal):
-        from mofit.design.summary import design_summary
+        from mofit.experimental_design.summary import design_summary
 
         return _indexed({(name,): entry for name, entry in design_summary(found)["parameters"].items()}, ("parameter",))
     if isinstance(found, Diagnosis):

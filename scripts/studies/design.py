@@ -24,9 +24,9 @@ import numpy as np
 
 from design_repeats import DYNAMIC, SEED, simulated
 from mofit._typing import FloatArray
-from mofit.design.design_job import DesignJob, Proposal, design_file
-from mofit.design.optimal_design import SETTINGS, DesignEvaluation
-from mofit.design.prepare import Inputs
+from mofit.experimental_design.design_job import DesignJob, Proposal, design_file
+from mofit.experimental_design.optimal_design import SETTINGS, DesignEvaluation
+from mofit.experimental_design.prepare import Inputs
 from mofit.simulation.virtual_rig.plan import Plan, plan_text, read_plan
 from report_page import ROOT, header, made_with, write_page
 

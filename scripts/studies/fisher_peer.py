@@ -21,9 +21,9 @@ from scipy.integrate import solve_ivp
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment
-from mofit.design.information import information
-from mofit.design.noise_model import ChannelNoise
-from mofit.design.planned_tests import planned_tests
+from mofit.experimental_design.information import information
+from mofit.experimental_design.noise_model import ChannelNoise
+from mofit.experimental_design.planned_tests import planned_tests
 from mofit.models import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
 from report_page import header, made_with, table, write_page

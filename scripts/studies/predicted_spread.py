@@ -23,10 +23,10 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Measurement
-from mofit.design.comparison import compare
-from mofit.design.comparison_result import ExperimentSet, ParameterResult
-from mofit.design.information import source_information
-from mofit.design.sources import planned_source
+from mofit.experimental_design.comparison import compare
+from mofit.experimental_design.comparison_result import ExperimentSet, ParameterResult
+from mofit.experimental_design.information import source_information
+from mofit.experimental_design.sources import planned_source
 from mofit.identification.calibration import Calibration, calibrate, calibrated_values
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings

@@ -12,16 +12,16 @@ from mofit.cli import main
 from mofit.cli.app import tests_by_name as parse_groups
 from mofit.cli.output import show_comparison
 from mofit.data import Campaign, Experiment, Measurement, write_campaign
-from mofit.design.augmentation import Augmentation
-from mofit.design.comparison import compare, compare_files, experiments_of
-from mofit.design.design_job import DesignJob, design_file
-from mofit.design.identifiability import COMBINATION, IDENTIFIABLE, VERDICTS
-from mofit.design.pages.comparison import profile_section
-from mofit.design.pages.frequency import information_over_frequency, loss_peak
-from mofit.design.prepare import Inputs, box_samples, posterior_samples, prepare, reference_values
-from mofit.design.summary import comparison_summary
-from mofit.design.text import augmentation_sentences
 from mofit.errors import InputError
+from mofit.experimental_design.augmentation import Augmentation
+from mofit.experimental_design.comparison import compare, compare_files, experiments_of
+from mofit.experimental_design.design_job import DesignJob, design_file
+from mofit.experimental_design.identifiability import COMBINATION, IDENTIFIABLE, VERDICTS
+from mofit.experimental_design.pages.comparison import profile_section
+from mofit.experimental_design.pages.frequency import information_over_frequency, loss_peak
+from mofit.experimental_design.prepare import Inputs, box_samples, posterior_samples, prepare, reference_values
+from mofit.experimental_design.summary import comparison_summary
+from mofit.experimental_design.text import augmentation_sentences
 from mofit.simulation.virtual_rig.rig import simulate
 
 PLAN = """

@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from mofit.design.expected_profiles import INTERVAL_WIDTH, SETTINGS, expected_data, expected_profiles, profile_interval
-from mofit.design.identifiability import bounded_sd, identifiability
-from mofit.design.information import source_information
-from mofit.design.noise_model import ChannelNoise, channel_noise, known_process
-from mofit.design.simulated_identification import draw_noise, simulated_campaign, simulated_estimates
-from mofit.design.sources import planned_source
+from mofit.experimental_design.expected_profiles import (
+    INTERVAL_WIDTH,
+    SETTINGS,
+    expected_data,
+    expected_profiles,
+    profile_interval,
+)
+from mofit.experimental_design.identifiability import bounded_sd, identifiability
+from mofit.experimental_design.information import source_information
+from mofit.experimental_design.noise_model import ChannelNoise, channel_noise, known_process
+from mofit.experimental_design.simulated_identification import draw_noise, simulated_campaign, simulated_estimates
+from mofit.experimental_design.sources import planned_source
 from mofit.identification.settings import Settings
 from mofit.models import find_model
 from mofit.parameters import Parameter, ParameterSpace

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mofit.data import Experiment
-from mofit.design.candidate_space import default_space, read_space
-from mofit.design.candidates import Limits, RigLimits, declared_limits, required_limits, violation
 from mofit.errors import InputError
+from mofit.experimental_design.candidate_space import default_space, read_space
+from mofit.experimental_design.candidates import Limits, RigLimits, declared_limits, required_limits, violation
 from mofit.models import Channel, find_model
 
 GOOD = """

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mofit.design.criteria import box_precision, parameter_criterion, scales
-from mofit.design.exchange import CandidatePool, best_selection
 from mofit.errors import InputError
+from mofit.experimental_design.criteria import box_precision, parameter_criterion, scales
+from mofit.experimental_design.exchange import CandidatePool, best_selection
 from mofit.parameters import Parameter, ParameterSpace
 
 NAMES = ("a", "b", "c")

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from mofit.design.criteria import Criterion, sd_over_samples
-from mofit.design.identifiability import (
+from mofit.experimental_design.criteria import Criterion, sd_over_samples
+from mofit.experimental_design.identifiability import (
     COMBINATION,
     IDENTIFIABLE,
     NOT,

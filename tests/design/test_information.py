@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from mofit.data import Experiment
-from mofit.design.criteria import box_precision, discrimination, scales, with_neutral
-from mofit.design.information import candidate_information, estimator_precision
-from mofit.design.noise_model import ChannelNoise
-from mofit.design.planned_tests import planned_data
+from mofit.experimental_design.criteria import box_precision, discrimination, scales, with_neutral
+from mofit.experimental_design.information import candidate_information, estimator_precision
+from mofit.experimental_design.noise_model import ChannelNoise
+from mofit.experimental_design.planned_tests import planned_data
 from mofit.models import Applied, Channel, Effect, Equations, Model, build_system, with_effects
 from mofit.parameters import Parameter, ParameterSpace
 from mofit.simulation import Simulator

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from two_outputs import NOISE, TRUTH, campaign, weighted_least_squares, write_rig
 
-from mofit.design.information import estimator_precision
-from mofit.design.noise_model import ChannelNoise
-from mofit.design.sensitivity import sensitivities
+from mofit.experimental_design.information import estimator_precision
+from mofit.experimental_design.noise_model import ChannelNoise
+from mofit.experimental_design.sensitivity import sensitivities
 from mofit.models import build_system, find_model
 from mofit.problem import build_problem
 

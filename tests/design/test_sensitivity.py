@@ -6,11 +6,11 @@ from scipy.linalg import toeplitz
 
 from mofit.data import Experiment
 from mofit.data.signals import effective_samples
-from mofit.design.information import information
-from mofit.design.noise_model import ChannelNoise, combined, independent_share, mean_variance
-from mofit.design.planned_tests import planned_data, planned_tests
-from mofit.design.sensitivity import sensitivities
 from mofit.errors import InputError
+from mofit.experimental_design.information import information
+from mofit.experimental_design.noise_model import ChannelNoise, combined, independent_share, mean_variance
+from mofit.experimental_design.planned_tests import planned_data, planned_tests
+from mofit.experimental_design.sensitivity import sensitivities
 from mofit.models import Channel, Equations, Model, build_system, find_model
 from mofit.parameters import Parameter
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mofit.data import Campaign
-from mofit.design.candidate_space import Space, default_space, read_space
-from mofit.design.candidates import candidates, declared_limits, driven_input
-from mofit.design.criteria import Criterion, Discrimination, discrimination, parameter_criterion
-from mofit.design.optimal_design import Design, DesignEvaluation, optimal_design
-from mofit.design.prepare import Inputs, Prepared, prepare
-from mofit.design.sources import Source
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.experimental_design.candidate_space import Space, default_space, read_space
+from mofit.experimental_design.candidates import candidates, declared_limits, driven_input
+from mofit.experimental_design.criteria import Criterion, Discrimination, discrimination, parameter_criterion
+from mofit.experimental_design.optimal_design import Design, DesignEvaluation, optimal_design
+from mofit.experimental_design.prepare import Inputs, Prepared, prepare
+from mofit.experimental_design.sources import Source
 from mofit.models import Model, find_effect
 from mofit.runtime.files import write_text
 from mofit.runtime.output_file import PLAN_MARK

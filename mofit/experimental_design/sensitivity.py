@@ -19,7 +19,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data.signals import NoiseProcess
-from mofit.design.noise_model import NoiseModel, bin_weights, combined, independent_share, mean_variance
+from mofit.experimental_design.noise_model import NoiseModel, bin_weights, combined, independent_share, mean_variance
 from mofit.models import System
 from mofit.simulation import ExperimentData, Simulator
 

@@ -10,9 +10,9 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment
 from mofit.data.signals import NoiseProcess, noise_process
-from mofit.design.noise_model import DEFAULT_NOISE, ChannelNoise, MeasuredNoise, NoiseModel, channel_noise
-from mofit.design.planned_tests import DesignTest, groups, in_group, planned_tests
 from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.experimental_design.noise_model import DEFAULT_NOISE, ChannelNoise, MeasuredNoise, NoiseModel, channel_noise
+from mofit.experimental_design.planned_tests import DesignTest, groups, in_group, planned_tests
 from mofit.identification.calibration import calibrate
 from mofit.models import Model
 from mofit.parameters import ParameterSpace

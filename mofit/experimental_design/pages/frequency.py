@@ -7,10 +7,10 @@ from markupsafe import Markup
 from matplotlib.ticker import LogLocator
 
 from mofit._typing import FloatArray
-from mofit.design.comparison_result import Comparison
-from mofit.design.criteria import scales
-from mofit.design.identifiability import BOX_PRECISION
-from mofit.design.information import SourceInformation
+from mofit.experimental_design.comparison_result import Comparison
+from mofit.experimental_design.criteria import scales
+from mofit.experimental_design.identifiability import BOX_PRECISION
+from mofit.experimental_design.information import SourceInformation
 from mofit.models import MaxwellBranch
 from mofit.report.toolkit.blocks import Block, Figure, Section, Text, tabs
 from mofit.report.toolkit.figures import BASELINE, FLOOR, Panels, dot_key, line_key, mode_colour

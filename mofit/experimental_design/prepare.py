@@ -12,10 +12,10 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, read_campaign
-from mofit.design.criteria import with_neutral
-from mofit.design.information import SourceInformation, source_information
-from mofit.design.sources import Source, measured_source, planned_source
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
+from mofit.experimental_design.criteria import with_neutral
+from mofit.experimental_design.information import SourceInformation, source_information
+from mofit.experimental_design.sources import Source, measured_source, planned_source
 from mofit.identification.settings import is_seed
 from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
 from mofit.parameters import PER_CAMPAIGN, ParameterSpace

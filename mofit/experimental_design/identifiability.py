@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.design.criteria import scales
+from mofit.experimental_design.criteria import scales
 from mofit.parameters import ParameterSpace
 
 IDENTIFIABLE, COMBINATION, ONE_SIDED, NOT = "identifiable", "only in a combination", "one-sided", "not identifiable"
@@ -71,7 +71,7 @@ class Identifiability:
     sd: FloatArray
     """Marginal: of the estimate within its bounds."""
     relative_sd: FloatArray
-    """The same over the magnitude of the value (`mofit.design.criteria.scales`)."""
+    """The same over the magnitude of the value (`mofit.experimental_design.criteria.scales`)."""
     conditional_sd: FloatArray
     """All other parameters known."""
     variance_inflation: FloatArray

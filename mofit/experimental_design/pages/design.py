@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from mofit.design.candidates import Candidate
-from mofit.design.design_job import Proposal
-from mofit.design.optimal_design import Design
-from mofit.design.text import GRADES, criterion_text, samples_text, seconds_text, settings_text, value_text
+from mofit.experimental_design.candidates import Candidate
+from mofit.experimental_design.design_job import Proposal
+from mofit.experimental_design.optimal_design import Design
+from mofit.experimental_design.text import GRADES, criterion_text, samples_text, seconds_text, settings_text, value_text
 from mofit.report.toolkit.axes import log_if_wide
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Raw, Section, Table, Text, badge, banner, words
 from mofit.report.toolkit.figures import BASELINE, Panels, dot_key, line_key, mode_colour

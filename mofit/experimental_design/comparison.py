@@ -7,22 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from mofit.design.augmentation import cheapest_augmentation
-from mofit.design.comparison_result import (
+from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.experimental_design.augmentation import cheapest_augmentation
+from mofit.experimental_design.comparison_result import (
     Comparison,
     ExperimentResult,
     ExperimentSet,
     InformationShare,
     ParameterResult,
 )
-from mofit.design.expected_profiles import (
+from mofit.experimental_design.expected_profiles import (
     INTERVAL_WIDTH,
     ExpectedData,
     ProfileInterval,
     expected_data,
     expected_profiles,
 )
-from mofit.design.identifiability import (
+from mofit.experimental_design.identifiability import (
     BOX_PRECISION,
     COMBINATION,
     IDENTIFIABLE,
@@ -36,12 +37,11 @@ from mofit.design.identifiability import (
     is_identifiable,
     relative_size,
 )
-from mofit.design.information import SourceInformation
-from mofit.design.prepare import Inputs, prepare
-from mofit.design.simulated_identification import simulated_campaign, simulated_estimates
-from mofit.design.sources import Source
-from mofit.design.text import share_sentence, verdict_sentence
-from mofit.errors import InputError, Issue, did_you_mean, raise_errors
+from mofit.experimental_design.information import SourceInformation
+from mofit.experimental_design.prepare import Inputs, prepare
+from mofit.experimental_design.simulated_identification import simulated_campaign, simulated_estimates
+from mofit.experimental_design.sources import Source
+from mofit.experimental_design.text import share_sentence, verdict_sentence
 from mofit.identification.settings import Settings
 from mofit.runtime.progress import Progress, silent
 

@@ -10,8 +10,8 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, find_transient, steady_samples
-from mofit.design.noise_model import DEFAULT_NOISE, ChannelNoise, NoiseModel
 from mofit.errors import InputError
+from mofit.experimental_design.noise_model import DEFAULT_NOISE, ChannelNoise, NoiseModel
 from mofit.models import Model, Stage, build_system, find_model
 from mofit.simulation import ExperimentData, Simulator, experiment_data, require
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.comparison_result import Comparison, InformationShare
-from mofit.design.expected_profiles import ProfileInterval
-from mofit.design.identifiability import COMBINATION, IDENTIFIABLE, NOT, ONE_SIDED, relative_size
+from mofit.experimental_design.comparison_result import Comparison, InformationShare
+from mofit.experimental_design.expected_profiles import ProfileInterval
+from mofit.experimental_design.identifiability import COMBINATION, IDENTIFIABLE, NOT, ONE_SIDED, relative_size
 from mofit.parameters import ParameterSpace
 
 #: How good a verdict is, for colours.

@@ -14,8 +14,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from mofit.data import Experiment
-from mofit.design.candidates import Limits, demonstrated_limits, required_limits, shown_unit
 from mofit.errors import InputError, did_you_mean
+from mofit.experimental_design.candidates import Limits, demonstrated_limits, required_limits, shown_unit
 from mofit.models import Channel
 from mofit.runtime.toml import Strict, read_toml
 from mofit.simulation.virtual_rig.plan import NEEDED, TestPlan, with_defaults

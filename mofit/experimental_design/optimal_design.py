@@ -10,12 +10,17 @@ from functools import cached_property
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.candidates import Candidate, RigLimits, output_violation
-from mofit.design.criteria import Criterion, Discrimination, box_precision, scales, sd_over_samples
-from mofit.design.exchange import CandidatePool, best_selection
-from mofit.design.identifiability import Identifiability, identifiability
-from mofit.design.information import Information, SourceInformation, candidate_information, estimator_precision
 from mofit.errors import InputError
+from mofit.experimental_design.candidates import Candidate, RigLimits, output_violation
+from mofit.experimental_design.criteria import Criterion, Discrimination, box_precision, scales, sd_over_samples
+from mofit.experimental_design.exchange import CandidatePool, best_selection
+from mofit.experimental_design.identifiability import Identifiability, identifiability
+from mofit.experimental_design.information import (
+    Information,
+    SourceInformation,
+    candidate_information,
+    estimator_precision,
+)
 from mofit.runtime.progress import Progress, silent
 
 

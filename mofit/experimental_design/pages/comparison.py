@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from mofit.design.comparison_result import Comparison, ExperimentResult, InformationShare, ParameterResult
-from mofit.design.expected_profiles import SETTINGS as PROFILES
-from mofit.design.identifiability import IDENTIFIABLE
-from mofit.design.identifiability import SETTINGS as THRESHOLDS
-from mofit.design.pages.frequency import branch_section, frequency_section
-from mofit.design.prepare import HALF_WIDTH
-from mofit.design.text import GRADES, NOTHING, augmentation_sentences
+from mofit.experimental_design.comparison_result import Comparison, ExperimentResult, InformationShare, ParameterResult
+from mofit.experimental_design.expected_profiles import SETTINGS as PROFILES
+from mofit.experimental_design.identifiability import IDENTIFIABLE
+from mofit.experimental_design.identifiability import SETTINGS as THRESHOLDS
+from mofit.experimental_design.pages.frequency import branch_section, frequency_section
+from mofit.experimental_design.prepare import HALF_WIDTH
+from mofit.experimental_design.text import GRADES, NOTHING, augmentation_sentences
 from mofit.report.directions import direction_texts, principal_directions
 from mofit.report.toolkit.axes import heat_map
 from mofit.report.toolkit.blocks import (

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mofit._typing import FloatArray
-from mofit.design.augmentation import Augmentation
-from mofit.design.expected_profiles import ProfileInterval
-from mofit.design.identifiability import IDENTIFIABLE
-from mofit.design.information import SourceInformation
-from mofit.design.simulated_identification import SimulatedEstimate
+from mofit.experimental_design.augmentation import Augmentation
+from mofit.experimental_design.expected_profiles import ProfileInterval
+from mofit.experimental_design.identifiability import IDENTIFIABLE
+from mofit.experimental_design.information import SourceInformation
+from mofit.experimental_design.simulated_identification import SimulatedEstimate
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ParameterResult:
 
     parameter: str
     verdict: str
-    """One of `mofit.design.identifiability.VERDICTS`."""
+    """One of `mofit.experimental_design.identifiability.VERDICTS`."""
     sd: float
     relative_sd: float
     """Expected standard deviation of the estimate, median over the samples; and over the value's magnitude."""

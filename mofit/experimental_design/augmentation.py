@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit.data import Experiment
-from mofit.design.candidates import driven_input, shown_unit
-from mofit.design.identifiability import identifiability, is_identifiable, relative_size
-from mofit.design.information import SourceInformation, estimator_precision, information
-from mofit.design.planned_tests import group_of, planned_tests
-from mofit.design.sources import Source
+from mofit.experimental_design.candidates import driven_input, shown_unit
+from mofit.experimental_design.identifiability import identifiability, is_identifiable, relative_size
+from mofit.experimental_design.information import SourceInformation, estimator_precision, information
+from mofit.experimental_design.planned_tests import group_of, planned_tests
+from mofit.experimental_design.sources import Source
 from mofit.simulation.virtual_rig.signals import excitation
 
 

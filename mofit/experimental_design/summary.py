@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.comparison_result import Comparison, ParameterResult
-from mofit.design.criteria import ENOUGH, sd_over_samples
-from mofit.design.design_job import Proposal
-from mofit.design.identifiability import IDENTIFIABLE
-from mofit.design.information import SourceInformation
-from mofit.design.optimal_design import Design
+from mofit.experimental_design.comparison_result import Comparison, ParameterResult
+from mofit.experimental_design.criteria import ENOUGH, sd_over_samples
+from mofit.experimental_design.design_job import Proposal
+from mofit.experimental_design.identifiability import IDENTIFIABLE
+from mofit.experimental_design.information import SourceInformation
+from mofit.experimental_design.optimal_design import Design
 
 COMPARE_SCHEMA = "mofit.compare/2"
 DESIGN_SCHEMA = "mofit.design/2"

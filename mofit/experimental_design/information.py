@@ -20,10 +20,10 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Experiment
-from mofit.design.noise_model import ChannelNoise
-from mofit.design.planned_tests import DesignTest, groups, planned_tests
-from mofit.design.sensitivity import TOLERANCE, Sensitivity, sensitivities
-from mofit.design.sources import Source
+from mofit.experimental_design.noise_model import ChannelNoise
+from mofit.experimental_design.planned_tests import DesignTest, groups, planned_tests
+from mofit.experimental_design.sensitivity import TOLERANCE, Sensitivity, sensitivities
+from mofit.experimental_design.sources import Source
 from mofit.models import Model, build_system
 
 #: A Hessian's eigenvalue below this share of the mean one counts as zero.

@@ -10,8 +10,8 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Measurement
 from mofit.data.signals import NoiseProcess
-from mofit.design.information import SourceInformation
-from mofit.design.planned_tests import DesignTest, groups
+from mofit.experimental_design.information import SourceInformation
+from mofit.experimental_design.planned_tests import DesignTest, groups
 from mofit.identification.settings import Settings
 from mofit.models import Model, build_system
 from mofit.simulation import Simulator

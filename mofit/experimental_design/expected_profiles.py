@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.design.identifiability import BOX_SD, Identifiability, identifiability
-from mofit.design.information import SourceInformation
-from mofit.design.sensitivity import Sensitivity
+from mofit.experimental_design.identifiability import BOX_SD, Identifiability, identifiability
+from mofit.experimental_design.information import SourceInformation
+from mofit.experimental_design.sensitivity import Sensitivity
 from mofit.models import build_system
 from mofit.optimize import profile
 from mofit.parameters import ParameterLayout, ParameterSpace
