@@ -12,7 +12,8 @@ from published_schemas import violations
 from mofit.cli import main
 
 COMMANDS = tuple(
-    "check identify simulate import export predict report uncertainty runs open compare design diagnose batch mcp".split()
+    "check identify simulate import export predict report uncertainty runs open compare design diagnose batch "
+    "mcp".split()
 )
 
 
