@@ -53,7 +53,7 @@ def command_line(tool: str, values: Mapping[str, Any]) -> list[str]:
 
     A value never reads as an option: one of an option stands behind its ``=``, files stand behind ``--``.
     """
-    options, files = ["--json"], []
+    options, files = ["--json"], list[str]()
     for name, argument in _arguments(tool).items():
         value = values.get(name)
         if value is None or value is False:
