@@ -87,7 +87,7 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --custom
 lock: $(READY)
 	$(PIP) install --quiet uv
 	$(LOCK) --upgrade pyproject.toml --group dev --output-file requirements.txt
-	$(LOCK) --upgrade pyproject.toml --extra bench --extra dask --extra excel --extra fmu --extra mdf --extra parquet --constraint requirements.txt --output-file requirements-bench.txt
+	$(LOCK) --upgrade pyproject.toml --extra bench --extra dask --extra excel --extra fmu --extra mcp --extra mdf --extra parquet --constraint requirements.txt --output-file requirements-bench.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

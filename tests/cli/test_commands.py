@@ -7,11 +7,13 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
+from published_schemas import violations
 
 from mofit.cli import main
 
 COMMANDS = tuple(
-    "check identify simulate import export predict report uncertainty runs open compare design diagnose batch".split()
+    "check identify simulate import export predict report uncertainty runs open compare design diagnose batch "
+    "mcp".split()
 )
 
 
@@ -91,6 +93,7 @@ def test_a_good_campaign_passes_the_check(rig, capsys):
     assert main(["check", str(rig), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "mofit.check/1"
+    assert not violations(found)
     assert isinstance(found["issues"], list)
 
 
@@ -109,6 +112,7 @@ def test_identify_prints_one_json_object_and_nothing_else(rig, gain, empty, caps
     summary = json.loads(capsys.readouterr().out)
     assert summary["modes"][0]["parameters"]["k"]["value"] == pytest.approx(2.0, rel=1e-3)
     assert (empty / summary["run"] / "report.html").exists()
+    assert not violations(summary)
 
 
 def test_report_is_rebuilt_and_an_existing_run_is_kept(rig, gain, empty, capsys):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.cli.app import tests_by_name as parse_groups
@@ -225,6 +226,7 @@ def test_the_command_writes_a_page_and_prints_json(plan, tmp_path, capsys) -> No
     options = ["--parameter", "d_M", "--samples", "2", "--jobs", "1", "--group", "every=low,middle,high"]
     assert main(["compare", str(plan), *options, "--json", "--out", str(page)]) == 0
     data = json.loads(capsys.readouterr().out)
+    assert not violations(data)
     assert next(iter(data)) == "schema"
     assert data["experiments"][0]["parameters"]["d_M"]["verdict"] == IDENTIFIABLE
     text = page.read_text(encoding="utf-8")
@@ -239,6 +241,7 @@ def test_the_command_exits_with_4_and_proposes_an_augmentation(plan, capsys) -> 
     options = ["--parameter", "c", "--samples", "1", "--jobs", "1", "--group", "fast=high"]
     assert main(["compare", str(plan), *options, "--json"]) == 4
     data = json.loads(capsys.readouterr().out)
+    assert not violations(data)
     assert data["not_identifiable"] == ["c"]
     found = data["augmentations"]["c"]
     assert found["sd"] < data["experiments"][0]["parameters"]["c"]["sd_at_values"]

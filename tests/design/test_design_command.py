@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import write_campaign
@@ -93,7 +94,11 @@ def rig(tmp_path):
 def design(capsys, *arguments, samples=3):
     code = main(["design", *map(str, arguments), "--samples", str(samples), "--jobs", "1", "--json"])
     printed = capsys.readouterr()
-    return code, json.loads(printed.out) if printed.out else printed.err
+    if not printed.out:
+        return code, printed.err
+    found = json.loads(printed.out)
+    assert not violations(found)
+    return code, found
 
 
 def test_the_next_test_is_the_one_that_theory_names(rig, tmp_path, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from damper_rig import damper_campaign
 from damper_with_offsets import damper_with_offsets
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import write_campaign
@@ -47,6 +48,7 @@ def test_command_prints_json_and_writes_a_page(campaign_file: Path, tmp_path: Pa
         arguments += ["--effects", name]
     assert main([*arguments, "--out", str(out)]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert not violations(found)
     assert found["verdict"] == "effect"
     assert [effect["name"] for effect in found["effects"]] == ["dry_friction"]
     assert [family["name"] for family in found["families"]] == ["friction"]

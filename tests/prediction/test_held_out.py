@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import straight_line
 from damper_rig import damper_campaign
+from published_schemas import violations
 
 import mofit
 from mofit.cli import main
@@ -48,7 +49,9 @@ def test_terminal_json_and_report_tell_of_it(campaign_file, tmp_path, capsys, mo
     line = next(line for line in capsys.readouterr().out.splitlines() if "held out" in line and "2Hz" in line)
     assert line.split()[0] == "2Hz"
     assert main(["identify", str(campaign_file), "--model", MODEL, *options, "--out", "again", "--json"]) == 3
-    found = json.loads(capsys.readouterr().out)["held_out"]
+    printed = json.loads(capsys.readouterr().out)
+    assert not violations(printed)
+    found = printed["held_out"]
     assert {row["test"] for row in found["tests"] if row["role"] == "held out"} == {"2Hz"}
     page = (tmp_path / "run" / "report.html").read_text()
     assert '<section id="held_out"' in page

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from damper_rig import damper_campaign
+from published_schemas import violations
 
 import mofit
 from mofit.cli import main
@@ -45,6 +46,7 @@ def test_a_prediction_is_a_folder_with_file_and_page(run, empty, capsys):
     assert main(["predict", str(result), str(file), "--out", "new", "--jobs", "1", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["schema"] == "mofit.prediction/1"
+    assert not violations(found)
     assert found["folder"] == "new"
     assert [row["test"] for row in found["tests"]] == ["0.5Hz", "1Hz", "2Hz", "4Hz"]
     assert {*found["tests"][0]} == {

@@ -11,6 +11,7 @@ import pytest
 import result_trees
 import synthetic_rigs
 from browser import chromium, opened
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.errors import InputError
@@ -75,6 +76,7 @@ def test_the_page_puts_two_runs_side_by_side(folder):
 def test_the_command_prints_all_and_writes_the_page(folder, capsys):
     assert main(["runs", str(folder), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert not violations(found)
     assert [run["name"] for run in found["runs"]] == ["batch/second", "damaged", "diagnosis", "first"]
     assert main(["runs", str(folder)]) == 0
     shown = capsys.readouterr().out
