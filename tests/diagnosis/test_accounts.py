@@ -48,6 +48,7 @@ def test_each_outcome_has_its_reason() -> None:
     assert e == "no score; these tests would hardly show it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [(), FRICTION])
 def test_no_candidate_is_missing_in_a_diagnosis(effects) -> None:
     found = damper_diagnosis(effects)

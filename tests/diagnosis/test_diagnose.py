@@ -167,6 +167,7 @@ def test_indistinguishable_effects_are_a_group_with_a_next_experiment() -> None:
     assert found.next_experiment.frequency >= 4.0
 
 
+@pytest.mark.slow
 def test_the_next_experiment_also_discriminates_what_is_not_ruled_out() -> None:
     """Beside a lag and the delay it resembles, a second branch is less probable, but not a hundred times."""
     lag = (("sensor_lowpass", (("T_f", 0.0002),)),)

@@ -1,6 +1,7 @@
 """Diagnosis of users' simulators: effects around them are found, those inside are told out of reach."""
 
 import numpy as np
+import pytest
 from simulators import INPUTS, LINE, OUTPUTS
 from straight_line import campaign, sine_test
 
@@ -34,6 +35,7 @@ def test_what_acts_inside_is_listed_as_out_of_reach():
     assert {"force_offset", "sensor_lowpass", "backlash"} <= {effect.name for effect in chosen}
 
 
+@pytest.mark.slow
 def test_a_diagnosis_without_simulations_left_says_so():
     rig = campaign(sine_test("a"), sine_test("b", size=2, seed=1))
     model = Simulator(spring, LINE[:1], INPUTS, OUTPUTS)

@@ -92,6 +92,7 @@ def roads(damping: float) -> Campaign:
     return Campaign("roads", "simulated", {}, tuple(tests))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("damping", "named"), [(0.0, []), (8.0, ["quadratic_damping"])])
 def test_records_that_begin_in_motion_have_initial_states(damping: float, named: list[str]) -> None:
     starts = (find_effect(f"start:{state}") for state in ("position", "velocity"))

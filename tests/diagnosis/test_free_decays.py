@@ -66,6 +66,7 @@ def diagnosed(campaign: Campaign):
     return diagnose(campaign, model, (), settings)
 
 
+@pytest.mark.slow
 def test_coloured_noise_is_no_gap() -> None:
     assert diagnosed(decays("none", 0.8, seed=1)).conclusion.verdict == "none"
 

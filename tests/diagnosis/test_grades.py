@@ -37,6 +37,7 @@ def stribeck(candidates: tuple[str, ...] = ()) -> Diagnosis:
     return diagnose(stribeck_campaign(), model, candidates, Settings(jobs=1), simulators=SIMULATORS)
 
 
+@pytest.mark.slow
 def test_friction_with_a_law_of_its_own_is_friction_for_the_most_part() -> None:
     found = stribeck()
     conclusion = found.conclusion

@@ -83,6 +83,7 @@ def test_a_law_that_is_right_holds_on_every_kind_of_hold_out() -> None:
     assert found.shrinkage.caveat == ""
 
 
+@pytest.mark.slow
 def test_a_law_that_is_wrong_at_large_strokes_fails_without_them() -> None:
     """Fitted to small strokes the cube predicts far too much at large ones: the headline tells, a test alone hardly."""
     found, (_, clean) = found_in(SINH), stiffening(SINH)
@@ -123,6 +124,7 @@ def test_groups_are_what_lies_beyond_the_other_tests() -> None:
     assert names == {"largest amplitude": ["0.5Hz", "1Hz"], "highest frequency": ["4Hz"]}
 
 
+@pytest.mark.slow
 def test_procedures_are_groups_that_leave_half_of_the_tests() -> None:
     campaign, _ = stiffening(CUBE)
     found = diagnose(campaign, find_model(MODEL), NAMES, Settings(jobs=1), simulators=SIMULATORS)

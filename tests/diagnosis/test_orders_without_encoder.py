@@ -44,6 +44,7 @@ def test_an_order_is_named_with_its_amplitude(kind: str, name: str, amplitude: f
     assert "of the rig" in found.conclusion.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [0.0, 20.0])
 def test_an_order_is_no_noise_of_a_chirp(amplitude: float) -> None:
     """Although past inputs do not predict it."""
@@ -61,6 +62,7 @@ def test_the_angle_of_each_test_is_found() -> None:
     assert abs(np.angle(np.exp(1j * (angles[0] - first)))) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error", [-0.004, 0.01])
 def test_a_radius_that_is_not_exact_does_not_matter(error: float) -> None:
     found = diagnosed(wheel=20.0, radius_error=error)
@@ -79,6 +81,7 @@ def test_the_amplitude_holds_on_held_out_tests_and_the_angle_is_their_own() -> N
     assert any("theta_w" in warning and "held-out test itself" in warning for warning in summary(found)["warnings"])
 
 
+@pytest.mark.slow
 def test_what_the_rig_adds_and_what_the_model_lacks_are_told_apart() -> None:
     found = diagnosed(wheel=25.0, lag=0.05)
     assert found.conclusion.verdict == "several"

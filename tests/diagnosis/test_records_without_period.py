@@ -77,6 +77,7 @@ def past_inputs(data: Campaign) -> float:
     return next(one.p_value for one in residual_tests(baseline(data)).tests if one.name == "past inputs")
 
 
+@pytest.mark.slow
 def test_coloured_noise_is_no_gap() -> None:
     p_values = [past_inputs(campaign(seed, 0.9)) for seed in range(5)]
     assert min(p_values) > 1e-3

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from damper_rig import NOISE, SIMULATORS, damper_campaign
 
 from mofit.data import Campaign
@@ -34,6 +35,7 @@ def lagging(tau: float, at_force: float) -> Campaign:
     return replace(campaign, measurements=tuple(measured))
 
 
+@pytest.mark.slow
 def test_a_lag_by_another_law_is_named_with_the_relaxation_that_resembles_it() -> None:
     found = diagnose(
         lagging(0.005, 200.0),

@@ -154,6 +154,7 @@ class Sum(Model):
         return Equations(outputs={"force": (s.a + s.b) * s.displacement + s.d * s.velocity})
 
 
+@pytest.mark.slow
 def test_a_sum_is_one_solution_and_what_stands_beside_it_is_sampled(tmp_path):
     _, tree = identify(spring_and_damper(2000, 200), Sum(), Settings(jobs=1), out=tmp_path / "run")
     assert list(tree["modes"].children) == ["m1"]

@@ -1,6 +1,7 @@
 """More tests than the hypervolume takes objectives: the run ends, and its page is written."""
 
 import numpy as np
+import pytest
 
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.identify import identify
@@ -25,6 +26,7 @@ class Line(Model):
         return Equations(outputs={"y": s.k * s.x + s.b})
 
 
+@pytest.mark.slow
 def test_a_run_of_many_tests_ends_with_a_result(tmp_path) -> None:
     rng, time, measurements = np.random.default_rng(0), 0.01 * np.arange(200), []
     for t in range(TESTS):

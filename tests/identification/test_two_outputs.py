@@ -185,6 +185,7 @@ def shaken_mass(noise: dict[str, float]) -> Campaign:
     return Campaign("shaker", "simulated", {}, tuple(tests))
 
 
+@pytest.mark.slow
 def test_a_shaken_mass_has_the_linearised_posterior(tmp_path):
     """Its displacement is known to 2 %, its acceleration to 0.1 % or so; the posterior is Fisher's at the truth."""
     noise, truth = {"displacement": 1e-3, "acceleration": 5e-3}, np.array([[1.3, 8.0, 300.0]])

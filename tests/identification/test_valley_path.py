@@ -60,6 +60,7 @@ def test_the_chains_cover_both_arms_of_a_sum(first):
     np.testing.assert_allclose(draws.sum(axis=1), SUM, atol=6 * SD)
 
 
+@pytest.mark.slow
 def test_without_the_valley_they_do_not():
     point, hessian = minimum(0.02)
     settings = SampleSettings(max_steps=3000)

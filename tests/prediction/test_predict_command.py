@@ -120,6 +120,7 @@ def test_wrong_inputs_are_one_message_and_nothing_is_written(run, empty, tmp_pat
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.slow
 def test_an_earthquake_from_sines(shared_data, tmp_path):
     """A friction damper as a Kelvin–Voigt damper: the wrong model, whose error the sines tell."""
     folder = shared_data / "friction_damper"

@@ -76,6 +76,7 @@ def test_gradient_and_curvature_by_mean_and_spread_are_those_of_differences() ->
     assert np.linalg.eigvalsh(hessian[0])[0] >= -1e-9
 
 
+@pytest.mark.slow
 def test_mean_and_spread_are_found_and_sampled() -> None:
     found = locate_minima(campaign(3), Offset(), SETTINGS)
     modes = sample_modes(adjusted_modes(found.posterior, found.minima, SETTINGS), SETTINGS)

@@ -120,6 +120,7 @@ def test_as_few_steps_as_keep_the_defect_constant_are_taken(fitted):
     assert chosen[0] < min(chosen[1:])
 
 
+@pytest.mark.slow
 def test_few_steps_are_refused_where_their_defect_varies(fitted):
     problem, point = fitted
     values = problem.layout.full(point[None])[0]

@@ -148,6 +148,7 @@ def test_a_run_without_samples_still_has_a_report(tmp_path) -> None:
     assert section_ids(report(tmp_path, tree)) == ALWAYS - {"posterior", "convergence"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parameters", "clusters"), [(1, 1), (2, 1), (10, 5)])
 def test_few_and_many(tmp_path, parameters, clusters) -> None:
     tree = result_trees.make_result(synthetic_rigs.crowded(parameters), clusters=clusters, steps=20)

@@ -43,6 +43,7 @@ def test_too_few_draws_have_no_bend():
     assert fitted_bend(draws(20, 0)) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_bent_needle_with_heavy_tails_is_sampled(seed):
     """One standard deviation along it, it lies six of its narrowest width beside the straight line."""

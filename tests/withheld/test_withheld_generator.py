@@ -295,6 +295,7 @@ def test_the_papers_programme_is_kept_in_the_label():
     assert usual_slot.campaign != slot.campaign
 
 
+@pytest.mark.slow
 def test_a_pair_is_two_effects_that_each_stay_visible():
     entry = label(Slot(4, "pair", "", 0))
     assert len({c["name"] for c in entry["causes"]}) == 2
@@ -328,6 +329,7 @@ def test_a_carcass_that_gives_way_is_drawn_anew():
     assert all(np.isfinite(force).all() for force in respond([(Case(specimen), test) for test in tests]))
 
 
+@pytest.mark.slow
 def test_command_writes_campaigns_and_goes_on(tmp_path, monkeypatch):
     command = [
         "generate.py",
@@ -381,6 +383,7 @@ def is_number(word):
     return word.replace(".", "").replace("e-", "").isdigit()
 
 
+@pytest.mark.slow
 def test_a_label_tells_how_the_record_came_about(tmp_path):
     slot = Slot(7, "effect", "delay", 0)
     entry = label(slot)
