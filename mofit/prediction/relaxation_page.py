@@ -80,8 +80,17 @@ def _panels(responses: TyreResponses) -> Panels:
             log_axis(panel, "x")
         own = [f"{point.conditions[c.name]:.4g} {c.unit}" for c in _shown(responses)]
         axes.set_title(f"{point.output.replace('_', ' ')} / {point.source.replace('_', ' ')} at {', '.join(own)}")
-    panels.label("frequency (Hz)", "gain (SI)", "phase (°)")
+    units = " or ".join(dict.fromkeys(_gain_unit(responses, point) for point, _, _ in found))
+    panels.label("frequency (Hz)", f"gain ({units})", "phase (°)")
     return panels
+
+
+def _gain_unit(responses: TyreResponses, point: OperatingPoint) -> str:
+    """Unit of the output over that of the slip."""
+    model = responses.model
+    units = {channel.name: channel.unit for channel in (*model.inputs, *model.outputs)}
+    output, slip = units[point.output], units[point.source]
+    return output if slip == "1" else f"{output}/{slip}"
 
 
 def _bode(responses: TyreResponses) -> Section:
