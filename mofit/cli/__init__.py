@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import CycloptsError
 
 # they register their commands
-from mofit.cli import campaign, design, export, identify, mcp, predict, runs  # noqa: F401
+from mofit.cli import campaign, completion, design, export, identify, mcp, predict, runs  # noqa: F401
 from mofit.cli.app import DONE, INTERRUPTED, NOT_CONVERGED, UNEXPECTED, UNUSABLE, app, say
 from mofit.cli.time_limit import TimeIsUp
 from mofit.cli.unexpected import command_line, log_unexpected, warnings_in_words

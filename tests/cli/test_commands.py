@@ -13,7 +13,7 @@ from mofit.cli import main
 
 COMMANDS = tuple(
     "check identify simulate import export predict report uncertainty runs open compare design diagnose batch "
-    "mcp".split()
+    "mcp completion".split()
 )
 
 
