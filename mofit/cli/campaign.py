@@ -67,7 +67,7 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
 app.command(
     "mofit.cli.import_files:import_",
     name="import",
-    help="""Import measured files into a campaign, as a map file describes them.
+    help="""Import measured files into a campaign, as a map file describes them, or propose the map.
 
     Example: mofit import measured/*.csv --map my_rig.toml --out campaign.nc
     """,

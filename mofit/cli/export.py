@@ -34,10 +34,10 @@ def export(
     Parameters
     ----------
     to
-        toml, csv: parameters of all modes with standard deviation, quantiles, unit and classification. casadi: a file
+        toml, csv: parameters of all modes with standard deviation, quantiles, unit and verdict. casadi: a file
         for CasADi's Function.load. c: C source. fmu: a Functional Mock-up Unit for co-simulation, with its sources, and
         with a binary where a C compiler is found. relaxation: relaxation lengths of a tyre as CSV, or as a page with
-        Bode plots where FILE ends in .html. bode: its frequency response as CSV, or as a picture (.svg, .png). tir: a
+        Bode plots where --out ends in .html. bode: its frequency response as CSV, or as a picture (.svg, .png). tir: a
         property file with the Magic Formula coefficients that the run supports. tydex: a test of a campaign file,
         which is named in place of the run.
     mode
@@ -49,8 +49,8 @@ def export(
     fmi
         Version of FMI, 3.0 by default (fmu).
     test
-        Test whose conditions and values per test the FMU starts with; by default those common to all, and the mean.
-        Test to write (tydex).
+        fmu: test whose conditions and values per test the FMU starts with; by default the conditions common to all
+        tests, and the mean of the values. tydex: test to write.
     template
         Property file of Magic Formula 5.2 or 6.1 whose other entries stay as they are (tir).
     load

@@ -82,7 +82,8 @@ def identify(
     Parameters
     ----------
     files
-        Campaign file, or several, whose tests are identified together. By default the bundled (simulated) campaign.
+        Campaign file, or several, whose tests are identified together; with --over the parameters follow the conditions
+        in which the files differ. By default the bundled (simulated) campaign.
     all_freqs
         Use all tests whose excitation the model is made for; the default without --freq and --test.
     freq

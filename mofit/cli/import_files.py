@@ -26,14 +26,14 @@ def import_(
     force: Force = False,
     as_json: Json = False,
 ) -> int:
-    """Import measured files into a campaign, as a map file describes them.
+    """Import measured files into a campaign, as a map file describes them, or propose the map.
 
     Parameters
     ----------
     map
-        Map file (TOML): which column is which channel, in which unit; see docs/campaigns.md.
+        Map file (TOML): which column is which channel, in which unit. --guess proposes one.
     guess
-        Propose a map from names, units and shapes of the columns, and import nothing.
+        Propose a map from names, units and shapes of the columns, to be read and corrected; nothing is imported.
     out
         Campaign file to write. By default the map's name with .nc. With --guess: map file to write, and beside it a
         picture of what was understood, .png; by default the map goes to standard output.

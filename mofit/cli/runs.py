@@ -25,14 +25,14 @@ def report(run: FinishedRun, /, *, as_json: Json = False) -> int:
 
 @app.command
 def runs(folder: Path = Path("runs"), /, *, as_json: Json = False) -> int:
-    """Write one page for a folder of runs: what was run, verdicts, errors beside the noise, runs side by side.
+    """Write runs.html into a folder of runs: what was run, verdicts, errors beside the noise, runs side by side.
 
     Example: mofit runs runs
 
     Parameters
     ----------
     folder
-        Folder that holds the runs. By default runs.
+        Folder that holds the runs.
     """
     from dataclasses import asdict
 
@@ -60,7 +60,7 @@ def open_page(run: Path, /, *, as_json: Json = False) -> int:
     Parameters
     ----------
     run
-        Folder of a run, of a batch, or of runs.
+        Folder of a run or of a batch, or a folder of runs for which mofit runs has written its page.
     """
     import webbrowser
 
