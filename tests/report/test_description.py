@@ -38,6 +38,13 @@ def test_lines_dots_and_bands_have_their_values_colours_and_names() -> None:
     assert {(0, 0), (1, 2)} <= set(zip(band["x"], band["y"], strict=True))
 
 
+def test_an_error_bar_without_a_value_is_left_out() -> None:
+    panels = Panels(1, 1, 1.0)
+    panels.axes[0].errorbar([0, 1, 2], [3.0, np.nan, 5.0], yerr=[1.0, 1.0, 2.0], fmt="none")
+    (bars,) = parts(panels, "line")
+    assert (bars["x"], bars["y"]) == ([0, 0, None, 2, 2], [2, 4, None, 3, 7])
+
+
 def test_what_goes_right_across_has_one_coordinate() -> None:
     panels = Panels(1, 1, 1.0)
     panels.axes[0].axhline(2.5, color=FLOOR)

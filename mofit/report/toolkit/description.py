@@ -203,12 +203,13 @@ def _joined(pieces: Sequence[Any]) -> tuple[list[Any], list[Any]]:
 
 def _segments(found: LineCollection) -> Parts:
     """All pieces as one line."""
-    x, y = _joined([np.asarray(piece) for piece in found.get_segments()])
+    pieces = [np.asarray(piece) for piece in found.get_segments() if len(piece)]  # a bar without a value is empty
+    x, y = _joined(pieces)
     found.update_scalarmappable()
     colour = np.atleast_2d(found.get_edgecolor())
     middle = _hex(tuple(colour[len(colour) // 2])) if len(colour) else "#000000"
     width = float(np.atleast_1d(found.get_linewidth())[0])
-    bundle = {"bundle": 1 + len(found.get_segments()[0])} if found.get_gid() == _BUNDLE else {}
+    bundle = {"bundle": 1 + len(pieces[0])} if found.get_gid() == _BUNDLE else {}
     return [_part("line", found, x=x, y=y, colour=middle, width=width, dash="solid", dots={}, **bundle)]
 
 
