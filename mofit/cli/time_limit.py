@@ -14,8 +14,10 @@ from mofit.cli.app import seconds
 LATE = 0.5
 #: Seconds until the alarm rings again, should the first one be lost: what a destructor raises is.
 AGAIN = 1.0
-#: Seconds until it rings again where it rang in an import: a module imported by half stays so for the whole process.
+#: Seconds until it rings again where it rang in what must be done whole.
 POSTPONED = 0.02
+#: What must be done whole: an import (a module imported by half stays so) and logging (a lock kept stops every thread).
+WHOLE = ("importlib._bootstrap", "logging")
 
 
 class TimeIsUp(BaseException):  # nothing that catches errors may keep it
@@ -45,15 +47,17 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
 
 
 def _raise(_: int, frame: FrameType | None) -> None:
-    if _imports(frame):
+    if _in_what_must_be_whole(frame):
         signal.setitimer(signal.ITIMER_REAL, POSTPONED, AGAIN)
         return
     raise TimeIsUp
 
 
-def _imports(frame: FrameType | None) -> bool:
+def _in_what_must_be_whole(frame: FrameType | None) -> bool:
     while frame is not None:
-        if frame.f_globals.get("__name__") == "importlib._bootstrap":
+        # locks are taken before a fork and given back after it, where nothing that is raised arrives
+        forks = frame.f_code.co_name == "_launch" and frame.f_globals.get("__name__") == "multiprocessing.popen_fork"
+        if forks or frame.f_globals.get("__name__") in WHOLE:
             return True
         frame = frame.f_back
     return False

@@ -2,6 +2,8 @@
 
 import importlib
 import json
+import logging
+import subprocess
 import sys
 import time
 
@@ -51,6 +53,51 @@ def test_an_import_is_not_torn_apart_by_the_end_of_the_time(tmp_path, monkeypatc
 def _import_and_sleep(name):
     importlib.import_module(name)
     time.sleep(5)
+
+
+class _Slow(logging.Handler):
+    def emit(self, record):
+        time.sleep(0.1)
+        self.whole = record.msg
+
+
+def test_a_log_is_not_left_locked_by_the_end_of_the_time():
+    log, slow = logging.getLogger("slow"), _Slow()
+    log.addHandler(slow)
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        _log_and_sleep(log)
+    log.removeHandler(slow)
+    assert slow.whole == "whole"
+    assert slow.lock.acquire(timeout=1)
+    slow.lock.release()
+
+
+def _log_and_sleep(log):
+    log.warning("whole")
+    time.sleep(5)
+
+
+FORKS = """
+import multiprocessing, os, time
+from mofit.cli.time_limit import TimeIsUp, time_limit
+
+def slow():
+    time.sleep(0.1)
+    print("whole")
+
+os.register_at_fork(after_in_parent=slow)
+try:
+    with time_limit("10 ms"):
+        multiprocessing.get_context("fork").Process(target=int).start()
+        time.sleep(5)
+except TimeIsUp:
+    print("time is up")
+"""
+
+
+def test_a_fork_is_not_torn_apart_by_the_end_of_the_time():
+    done = subprocess.run([sys.executable, "-c", FORKS], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("whole\ntime is up\n", "")
 
 
 def test_without_sampling_there_are_estimates_marked_as_such(file, tmp_path, capsys):
