@@ -12,9 +12,11 @@ from mofit.errors import InputError
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
-#: Iterations after which it is asked which starts may still come down to the limit: most are near their end by then.
+#: Iterations after which it is asked which starts may still come down to the limit, and after twice as many again: most
+#: are near their end by then.
 _FIRST = 8
-#: Share of what a start lacks of the limit that a Newton step must gain: with less, hardly anything will change.
+#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly anything
+#: will change.
 _HOPELESS = 0.05
 
 
@@ -28,16 +30,18 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
     InputError
         If no start can be evaluated.
     """
-    most = settings.max_iterations
-    first = min(_FIRST, most) if np.isfinite(limit) else most
-    points, found = np.clip(np.atleast_2d(starts), 0.0, 1.0), list[Minimum]()
-    for iterations in (first, most - first):
-        if not (iterations and len(points)):
-            break
+    left, points = settings.max_iterations, np.clip(np.atleast_2d(starts), 0.0, 1.0)
+    before, found = np.full(len(points), np.inf), list[Minimum]()
+    iterations = min(_FIRST, left) if np.isfinite(limit) else left
+    while iterations and len(points):
         refined = refine(evaluate, points, replace(settings, max_iterations=iterations))
         found += merge(refined)
-        unfinished = np.array([status == "limit" for status in refined.status])
-        points = refined.points[unfinished & _may_win(refined.values, refined.gradients, refined.hessians, limit)]
+        on = np.array([status == "limit" for status in refined.status])
+        on &= _may_win(refined.values, refined.gradients, refined.hessians, limit)
+        on &= before - refined.values > _HOPELESS * (refined.values - limit)
+        points, before = refined.points[on], refined.values[on]
+        left -= iterations
+        iterations = min(2 * iterations, left)
     if not found:
         raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
     return min(found, key=lambda one: one.value)
