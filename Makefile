@@ -10,7 +10,7 @@ RUN ?= $(shell ls -td runs/*/ 2>/dev/null | head -n 1)
 USABLE := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 
 .DELETE_ON_ERROR:
-.PHONY: help identify test test-long test-all lint format report docs bench lock clean
+.PHONY: help identify test test-long test-all lint format report docs bench lock wheel clean
 
 help:
 	@echo "make identify   set up, then identify the bundled campaign (ARGS=... adds options)"
@@ -20,6 +20,7 @@ help:
 	@echo "make lint       ruff and mypy only"
 	@echo "make format     let ruff format and mend what it can"
 	@echo "make report     rebuild the report of the newest run (RUN=... names another)"
+	@echo "make wheel      build the wheel into dist"
 	@echo "make docs       build the documentation into build/docs"
 	@echo "make bench      the kernel benchmark (NAME=... names another)"
 	@echo "make lock       renew the locked versions from pyproject.toml"
@@ -48,6 +49,9 @@ format: $(READY)
 report: $(READY)
 	@test -n "$(RUN)" || { echo "make report: no run yet; 'make identify' makes one" >&2; exit 2; }
 	$(BIN)/mofit report $(RUN)
+
+wheel: $(READY)
+	$(BIN)/python -m hatchling build --target wheel
 
 docs: $(READY)
 	$(BIN)/python -m sphinx -b html -W --keep-going -q docs build/docs
