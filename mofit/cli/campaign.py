@@ -60,7 +60,7 @@ def simulate(plan: Path, /, *, out: Path | None = None, as_json: Json = False) -
     with output_file(Path(plan.with_suffix(".nc").name) if out is None else out) as target:
         campaign = run(plan)
         write_campaign(campaign, target)
-    return report_campaign(campaign, target, as_json)
+    return report_campaign("simulate", campaign, target, as_json)
 
 
 # loaded on demand, because its help lists the formats
@@ -74,7 +74,9 @@ app.command(
 )
 
 
-def report_campaign(campaign: Campaign, target: Path, as_json: bool, warnings: Sequence[Issue] = ()) -> int:
+def report_campaign(
+    command: str, campaign: Campaign, target: Path, as_json: bool, warnings: Sequence[Issue] = ()
+) -> int:
     """Print what a new campaign file holds, and what is wrong with its data."""
     from dataclasses import asdict
 
@@ -83,7 +85,8 @@ def report_campaign(campaign: Campaign, target: Path, as_json: bool, warnings: S
     rows = [overview(measurement) for measurement in campaign.measurements]
     if as_json:
         issues = [asdict(issue) for issue in warnings]
-        print_json({"file": str(target), "source": campaign.source, "tests": rows, "issues": issues})
+        found = {"schema": f"mofit.{command}/1", "file": str(target), "source": campaign.source}
+        print_json({**found, "tests": rows, "issues": issues})
         return DONE
     print(f"{target}: {campaign.title} ({campaign.source}), {len(rows)} tests")
     for row in rows:

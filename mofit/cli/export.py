@@ -65,7 +65,7 @@ def export(
     )
     if as_json:
         of_mode = mode if to in ("casadi", "c", "fmu") else None
-        print_json({"file": str(made.file), "to": to, "mode": of_mode, **made.said})
+        print_json({"schema": "mofit.export/1", "file": str(made.file), "to": to, "mode": of_mode, **made.said})
     else:
         print(made.file)
     if made.said.get("note"):

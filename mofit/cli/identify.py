@@ -278,7 +278,7 @@ def batch(
     states = [row.state for row in rows]
     if as_json:
         campaigns = [{"name": row.name, "state": row.state, "message": row.message, **row.summary} for row in rows]
-        print_json({"out": str(out), "campaigns": campaigns})
+        print_json({"schema": "mofit.batch/1", "out": str(out), "campaigns": campaigns})
     else:
         for row in rows:
             print(f"{row.name}: {row.state}{f' ({row.message})' if row.message else ''}")

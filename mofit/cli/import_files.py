@@ -53,7 +53,7 @@ def import_(
         write_campaign(campaign, target)
     with progress_bar() as progress:
         warnings = campaign_warnings(campaign, progress)
-    return report_campaign(campaign, target, as_json, warnings)
+    return report_campaign("import", campaign, target, as_json, warnings)
 
 
 def _report_map(sources: tuple[Path, ...], target: Path | None, force: bool, as_json: bool) -> int:
@@ -68,7 +68,7 @@ def _report_map(sources: tuple[Path, ...], target: Path | None, force: bool, as_
         text = target.read_text(encoding="utf-8")
     if as_json:
         files = {"file": str(target) if target else None, "picture": str(picture) if picture else None}
-        print_json({"map": text, **files})
+        print_json({"schema": "mofit.map/1", "map": text, **files})
     elif target is None:
         print(text, end="")
     else:

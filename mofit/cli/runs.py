@@ -17,7 +17,7 @@ def report(run: FinishedRun, /, *, as_json: Json = False) -> int:
 
     page = build_report(run)
     if as_json:
-        print_json({"report": str(page)})
+        print_json({"schema": "mofit.report/1", "report": str(page)})
     else:
         print(page)
     return DONE
@@ -96,7 +96,7 @@ def uncertainty(run: FinishedRun, /, *, parameter: tuple[str, ...] = (), as_json
     table = uncertainty_summary(tree, parameter)
     page = build_uncertainty(run, tree)
     if as_json:
-        print_json({"uncertainty": str(page), **table})
+        print_json({"schema": "mofit.uncertainty/1", "uncertainty": str(page), **table})
     else:
         print(page)
     if not table["converged"]:

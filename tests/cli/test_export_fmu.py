@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from fmu_runs import drive, fmpy, needs_compiler, run
 from lag_rig import MODEL, campaign
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import write_campaign
@@ -44,6 +45,7 @@ def test_the_fmu_of_ones_own_model_gives_the_prediction_of_its_run(lag, fmi, cap
     command = ["export", folder, "--to", "fmu", "--fmi", fmi, "--model", reference, "--out", out, "--json"]
     assert main([*map(str, command)]) == 0
     said = json.loads(capsys.readouterr().out)
+    assert not violations(said)
     assert (said["file"], said["fmi"], said["mode"], said["note"]) == (str(out), fmi, "m1", None)
     assert fmpy.supported_platforms(str(out)) != ["c-code"]
     (temperature,) = (v for v in fmpy.read_model_description(str(out)).modelVariables if v.name == "temperature")

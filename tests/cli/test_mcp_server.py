@@ -4,7 +4,9 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import asynccontextmanager
 
+import numpy as np
 import pytest
 from damper_rig import damper_campaign
 from published_schemas import violations
@@ -14,6 +16,28 @@ from mofit.data import write_campaign
 
 mcp = pytest.importorskip("mcp", reason="the extra mofit[mcp] is not installed")
 import anyio  # noqa: E402 - comes with mcp
+
+SPACE = """
+[defaults]
+sample_rate = "100 Hz"
+
+[[tests]]
+kind = "sine"
+frequency = ["0.5 Hz", "2 Hz"]
+amplitude = "5 mm"
+duration = "15 s"
+"""
+
+
+@asynccontextmanager
+async def server(folder):
+    """A client of a server that runs in a folder."""
+    program = mcp.StdioServerParameters(
+        command=sys.executable, args=["-P", "-m", "mofit", "mcp"], cwd=folder, env=dict(os.environ)
+    )
+    async with mcp.stdio_client(program) as streams, mcp.ClientSession(*streams) as client:
+        await client.initialize()
+        yield client
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +53,7 @@ def session(tmp_path_factory):
         told.append((done, message))
 
     async def talk():
-        server = mcp.StdioServerParameters(
-            command=sys.executable, args=["-P", "-m", "mofit", "mcp"], cwd=folder, env=dict(os.environ)
-        )
-        async with mcp.stdio_client(server) as streams, mcp.ClientSession(*streams) as client:
-            await client.initialize()
+        async with server(folder) as client:
             quick = {
                 "files": ["damper.nc"], "model": "kelvin_voigt_damper", "no_sample": True, "seed": 1, "out": "run",
                 "test": ["0.5Hz", "1Hz"],
@@ -98,6 +118,46 @@ def test_what_cannot_be_done_is_one_message(session):
         assert "Traceback" not in text(session[name])
         for word in words:
             assert word in text(session[name])
+
+
+@pytest.mark.slow
+def test_the_other_tools_work_in_the_folder_of_the_server(session):
+    folder = session["folder"]
+    time = np.arange(400) / 100
+    stroke = 0.01 * np.sin(2 * np.pi * 0.5 * time)
+    force = 2000 * stroke + 1500 * np.gradient(stroke, time) + np.random.default_rng(1).normal(0, 0.5, len(time))
+    table = np.column_stack([time, 1e3 * stroke, force])
+    np.savetxt(folder / "log.csv", table, "%.6g", ";", header="t [s];stroke [mm];force [N]", comments="")
+    (folder / "space.toml").write_text(SPACE)
+    damper = {"model": "kelvin_voigt_damper", "seed": 1}
+    calls = {
+        "map": ("import", {"sources": ["log.csv"], "guess": True, "out": "map.toml"}),
+        "campaign": ("import", {"sources": ["log.csv"], "map": "map.toml", "out": "log.nc"}),
+        "diagnosis": (
+            "diagnose",
+            {"files": ["damper.nc"], **damper, "effects": ["cubic_stiffness", "quadratic_damping"], "out": "gap"},
+        ),
+        "design": (
+            "design",
+            {"file": "damper.nc", **damper, "space": "space.toml", "parameter": ["d"], "budget": "20 s", "samples": 1},
+        ),
+        "prediction": ("predict", {"run": "run", "file": "log.nc", "out": "predicted"}),
+    }
+
+    async def talk():
+        async with server(folder) as client:
+            return {name: await client.call_tool(tool, arguments) for name, (tool, arguments) in calls.items()}
+
+    answers = anyio.run(talk)
+    assert {name: text(answer) for name, answer in answers.items() if answer.is_error} == {}
+    found = {name: answer.structured_content for name, answer in answers.items()}
+    assert [name for name, one in found.items() if violations(one)] == []
+    assert 'unit = "mm"' in found["map"]["map"]
+    assert found["campaign"]["tests"][0]["samples"] == 400
+    assert found["diagnosis"]["verdict"] == "none"
+    assert found["design"]["parameters"]["d"]["sd"] < found["design"]["parameters"]["d"]["sd_before"]
+    assert found["prediction"]["tests"][0]["nrmsd"] < 0.05
+    assert (folder / "gap" / "diagnosis.html").is_file()
 
 
 def test_no_value_reads_as_an_option():

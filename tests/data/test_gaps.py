@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import import_files, overview, read_campaign
@@ -80,7 +81,9 @@ def test_gaps_are_refused_unless_the_map_says_otherwise(tmp_path, damage, what):
 def test_the_command_reports_how_many_and_the_file_keeps_the_number(tmp_path, capsys):
     command = ["import", str(tmp_path), "--map", str(record(tmp_path, three_gaps)), "--out", str(tmp_path / "a.nc")]
     assert main([*command, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["tests"][0]["gaps"] == 3
+    said = json.loads(capsys.readouterr().out)
+    assert not violations(said)
+    assert said["tests"][0]["gaps"] == 3
     assert read_campaign(tmp_path / "a.nc").measurements[0].gaps == 3
     (tmp_path / "a.nc").unlink()
     assert main(command) == 0

@@ -4,6 +4,7 @@ import tomllib
 import numpy as np
 import pytest
 import rig_files
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import import_files, propose_map
@@ -144,6 +145,10 @@ def test_the_command_guesses_to_a_file_or_to_standard_output(tmp_path, capsys, m
     assert main(["import", str(path), "--guess", "--out", "map.toml"]) == 0
     assert (tmp_path / "map.toml").read_text() == text
     capsys.readouterr()
+    assert main(["import", str(path), "--guess", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert not violations(said)
+    assert (said["map"], said["file"], said["picture"]) == (text, None, None)
     assert main(["import", str(path), "--map", "map.toml", "--json"]) == 0
     row = json.loads(capsys.readouterr().out)["tests"][0]
     assert (row["rate"], row["gaps"]) == (pytest.approx(100), 0)

@@ -6,6 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 from PIL import Image
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.data import import_files, propose_map, read_campaign
@@ -157,6 +158,7 @@ def test_the_map_comes_with_a_picture_and_force_replaces_what_mofit_made(tmp_pat
     guess = ["import", "log.csv", "--guess", "--out", "map.toml", "--json"]
     assert main(guess) == 0
     said = json.loads(capsys.readouterr().out)
+    assert not violations(said)
     assert said["picture"] == "map.png"
     with Image.open("map.png") as picture:
         assert picture.width > 900

@@ -11,6 +11,7 @@ import pytest
 import result_trees
 import synthetic_rigs
 import xarray as xr
+from published_schemas import violations
 
 from mofit.cli import main
 from mofit.report import UNCERTAINTY_FILE, UNCERTAINTY_FOLDER, build_report, build_uncertainty
@@ -138,6 +139,7 @@ def test_the_command_prints_the_page_or_the_table(tmp_path, capsys) -> None:
     assert main(["uncertainty", str(folder), "--json", "--parameter", "c", "--parameter", "extra_0"]) == 4
     printed = json.loads(capsys.readouterr().out)
     assert Path(printed["uncertainty"]).exists()
+    assert not violations(printed)
     assert printed["converged"] is True
     assert printed["not_identifiable"] == ["extra_0"]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import xarray as xr
+from published_schemas import violations
 from result_trees import make_result
 from synthetic_rigs import tyre
 
@@ -62,7 +63,9 @@ def test_the_command_writes_a_new_file_and_says_where(tree, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     write_result(tree, tmp_path / "run")
     assert main(["export", "run", "--to", "csv", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["file"] == "maxwell.csv"
+    said = json.loads(capsys.readouterr().out)
+    assert not violations(said)
+    assert (said["file"], said["mode"]) == ("maxwell.csv", None)
     assert (tmp_path / "maxwell.csv").read_text() == parameters_csv(tree)
     assert main(["export", "run", "--to", "csv"]) == 2
     assert "exists already" in capsys.readouterr().err

@@ -97,12 +97,15 @@ def test_open_hands_the_page_to_the_browser_or_says_where_it_is(folder, tmp_path
     note = tmp_path / "opened"
     (tmp_path / "browser").write_text(f'#!/bin/sh\necho "$1" > {note}\n')
     (tmp_path / "browser").chmod(0o755)
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, "BROWSER": str(tmp_path / "browser")}
-    )
+    environment = {**os.environ, "BROWSER": str(tmp_path / "browser")}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     assert note.read_text().strip() == (folder / "first" / "report.html").resolve().as_uri()
     assert done.stdout.strip() == str(folder / "first" / "report.html")
     assert done.stderr == ""
+    done = subprocess.run([*command, "--json"], capture_output=True, text=True, check=True, env=environment)
+    found = json.loads(done.stdout)
+    assert not violations(found)
+    assert found["opened"] is True
     copy = tmp_path / "without_page"
     shutil.copytree(folder / "batch" / "second", copy)
     with pytest.raises(InputError, match="there is no page in it"):
