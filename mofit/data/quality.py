@@ -50,12 +50,14 @@ class QualityLimits:
 LIMITS = QualityLimits()
 
 
-def check_campaign(path: str | Path, progress: Progress = silent) -> list[Issue]:
-    """Every issue of a campaign file: errors first, then warnings. An empty list means that there is none."""
+def check_campaign(campaign: Campaign | str | Path, progress: Progress = silent) -> list[Issue]:
+    """Every issue of a campaign or its file: errors first, then warnings. An empty list means that there is none."""
+    if isinstance(campaign, Campaign):
+        return campaign_warnings(campaign, progress)
     progress("read", 0, 0, "")
-    campaign, issues = load(path)
-    if campaign is not None:
-        issues += campaign_warnings(campaign, progress)
+    sound, issues = load(campaign)
+    if sound is not None:
+        issues += campaign_warnings(sound, progress)
     return sorted(issues, key=lambda issue: issue.severity != "error")
 
 

@@ -50,6 +50,13 @@ def test_a_warning_names_the_place_and_a_hint(tmp_path, kind):
     assert all(f.hint for f in issues)
 
 
+def test_a_campaign_itself_is_checked_as_its_file_is(tmp_path):
+    tests = (WARNINGS["drift"][0], sine("b", seed=1))
+    found = check_campaign(Campaign("t", "measured", CONDITIONS, tests))
+    assert [str(issue) for issue in found] == [str(issue) for issue in issues_of(tmp_path, *tests)]
+    assert "drifts" in str(found[0])
+
+
 def test_a_quantised_smooth_peak_is_not_clipped(tmp_path):
     issues = issues_of(tmp_path, sine(noise=0, change=lambda t, f: np.round(f)))
     assert not [issue for issue in issues if "extreme" in issue.message]
