@@ -7,6 +7,7 @@ pyplot. It returns the axes, for more. A name that the run does not hold raises 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -31,7 +32,10 @@ from mofit.report.toolkit.figures import (
     line_key,
     mode_colour,
 )
-from mofit.report.toolkit.formatting import display_unit, parameter_label
+from mofit.report.toolkit.formatting import display_unit, math_symbol, parameter_label
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def loop(tree: xr.DataTree, test: str, ax: Axes | None = None) -> Axes:
@@ -131,6 +135,41 @@ def search(tree: xr.DataTree, x: str, y: str | None = None, ax: Axes | None = No
     across = names.index(_known("parameter", x, names))
     up = None if y is None else names.index(_known("parameter", y, names))
     return draw_search(found, across, up, _axes(ax))
+
+
+def expected_sd(table: pd.DataFrame, ax: Axes | None = None) -> Axes:
+    """Expected standard deviation of every parameter over its value: per experiment, or before and after a design.
+
+    Parameters
+    ----------
+    table
+        What `mofit.summary` makes of a comparison or of a design.
+    ax
+        Axes to draw into.
+
+    Raises
+    ------
+    InputError
+        If the table is of something else.
+    """
+    columns = {"relative_sd_before": "before", "relative_sd": "with the design"}
+    if table.index.nlevels == 2 and "relative_sd" in table:
+        shown = table["relative_sd"].unstack(0, sort=False)
+    elif set(columns) <= set(table.columns):
+        shown = table[list(columns)].rename(columns=columns)
+    else:
+        raise InputError.of(
+            "table", "holds no expected standard deviations", "Give mofit.summary(comparison or design)"
+        )
+    ax = _axes(ax)
+    places, colours = np.arange(len(shown)), [mode_colour(k) for k in range(shown.shape[1])]
+    for colour, column in zip(colours, shown, strict=True):
+        ax.plot(100 * shown[column].to_numpy(dtype=float), places, "o", color=colour)
+    ax.set_xscale("log")
+    ax.set_xlabel("expected standard deviation (% of the value)")
+    ax.set_yticks(places, [math_symbol(name) for name in shown.index])
+    ax.set_ylim(len(shown) - 0.5, -0.5)
+    return _with_legend(ax, [dot_key(*entry) for entry in zip(colours, map(str, shown), strict=True)])
 
 
 def _axes(ax: Axes | None) -> Axes:

@@ -54,7 +54,7 @@ def compare(
     Returns
     -------
     Comparison
-        `mofit.summary` makes a data frame of it.
+        A notebook shows it as table and figure; `mofit.summary` makes a data frame of it.
 
     Raises
     ------
@@ -63,12 +63,14 @@ def compare(
     """
     from mofit.experimental_design.comparison import compare_files
     from mofit.experimental_design.prepare import Inputs
+    from mofit.workflows.shown_experiments import ShownComparison
 
     inputs = Inputs(
         tuple(map(Path, files)), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed,
         jobs,
     )  # fmt: skip
-    return compare_files(inputs, as_names(parameters), groups or {}, posterior, listener(progress))
+    found = compare_files(inputs, as_names(parameters), groups or {}, posterior, listener(progress))
+    return ShownComparison.of(found)
 
 
 def design(
@@ -107,7 +109,7 @@ def design(
     Returns
     -------
     Proposal
-        `mofit.summary` makes a data frame of it.
+        A notebook shows its tests and what they give; `mofit.summary` makes a data frame of it.
 
     Raises
     ------
@@ -116,6 +118,7 @@ def design(
     """
     from mofit.experimental_design.design_job import DesignJob, design_file
     from mofit.experimental_design.prepare import Inputs
+    from mofit.workflows.shown_experiments import ShownProposal
 
     inputs = Inputs(
         (Path(file),), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed, jobs
@@ -124,4 +127,4 @@ def design(
         inputs, None if space is None else Path(space), as_names(parameters), criterion, combination or {},
         as_names(discriminate), budget, robust, ignore_existing_tests,
     )  # fmt: skip
-    return design_file(job, listener(progress))
+    return ShownProposal.of(design_file(job, listener(progress)))

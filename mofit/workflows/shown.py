@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from html import escape
@@ -45,15 +45,20 @@ class Result(xr.DataTree):
     def _repr_html_(self) -> str:
         if "modes" not in self.children:
             return str(super()._repr_html_())
-        title = escape(str(self.attrs.get("title", self.attrs.get("model", ""))))
-        figures = "".join(
-            f'<img style="max-width: 48%" alt="{escape(alt)}" src="{src}">' for alt, src in _figures(self)
-        )
-        said = run_summary(self, Path())["findings"]
-        findings = "".join(f"<p><b>{escape(finding['text'])}</b></p>" for finding in said)
+        title = str(self.attrs.get("title", self.attrs.get("model", "")))
+        said = [finding["text"] for finding in run_summary(self, Path())["findings"]]
         whole = f"<details><summary>The tree</summary>{super()._repr_html_()}</details>"
-        table = summary(self).to_html(float_format=lambda value: f"{value:.4g}", na_rep="–")
-        return f"<div><h4>{title}</h4>{findings}{table}{figures}{whole}</div>"
+        return view(title, said, [summary(self)], _figures(self), whole)
+
+
+def view(
+    title: str, said: Iterable[str], tables: Iterable[pd.DataFrame], figures: Iterable[tuple[str, str]], more: str = ""
+) -> str:
+    """What a notebook shows of a result: sentences, tables, pictures (description and address), and more HTML."""
+    sentences = "".join(f"<p><b>{escape(sentence)}</b></p>" for sentence in said)
+    shown = "".join(table.to_html(float_format=lambda value: f"{value:.4g}", na_rep="–") for table in tables)
+    pictures = "".join(f'<img style="max-width: 48%" alt="{escape(alt)}" src="{src}">' for alt, src in figures)
+    return f"<div><h4>{escape(title)}</h4>{sentences}{shown}{pictures}{more}</div>"
 
 
 def summary(found: xr.DataTree | str | Path | Comparison | Proposal | Diagnosis) -> pd.DataFrame:
@@ -132,10 +137,10 @@ def _figures(tree: xr.DataTree) -> list[tuple[str, str]]:
     """Errors of all tests, and the loop of the first that has an input, as pictures within the page."""
     from mofit import plots
 
-    pictures = [("errors per test", _picture(lambda ax: plots.errors(tree, ax=ax)))]
+    pictures = [("errors per test", picture(lambda ax: plots.errors(tree, ax=ax)))]
     for test in map(str, tree.coords["test"].values):
         with suppress(InputError):  # a free decay has no input
-            pictures.append((f"measured and simulated: {test}", _picture(partial(_loop, tree, test))))
+            pictures.append((f"measured and simulated: {test}", picture(partial(_loop, tree, test))))
             break
     return pictures
 
@@ -146,7 +151,7 @@ def _loop(tree: xr.DataTree, test: str, ax: Axes) -> None:
     plots.loop(tree, test, ax=ax)
 
 
-def _picture(draw: Callable[[Axes], object]) -> str:
+def picture(draw: Callable[[Axes], object]) -> str:
     """What is drawn into an axes, as the address of a picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 import result_trees
 import synthetic_rigs
@@ -11,6 +12,7 @@ from matplotlib.axes import Axes
 
 from mofit import plots
 from mofit.errors import InputError
+from mofit.report.toolkit.figures import mode_colour
 
 TREE = result_trees.make_result(synthetic_rigs.tyre(), steps=20)
 TEST = next(name for name, kind in zip(TREE["test"].values, TREE["excitation"].values, strict=True) if kind == "sine")
@@ -68,6 +70,25 @@ def test_the_loop_shows_what_was_measured():
     observed = 1e-3 * TREE["observed_data"][TEST].values
     assert set(np.round(ax.lines[0].get_ydata(), 9)) <= set(np.round(observed, 9))
     assert [text.get_text() for text in ax.get_legend().get_texts()][:2] == ["measured", "model, m1"]
+
+
+@pytest.mark.parametrize("of", ["comparison", "design"])
+def test_expected_standard_deviations_have_a_dot_per_parameter_and_a_colour_per_experiment(of):
+    sd = {"a": (0.5, 0.1), "b": (0.02, 0.01)}
+    if of == "comparison":
+        index = pd.MultiIndex.from_product([["slow", "fast"], sd], names=["experiment", "parameter"])
+        table = pd.DataFrame({"relative_sd": [sd[name][k] for k in (0, 1) for name in sd]}, index=index)
+    else:
+        columns = ["relative_sd_before", "relative_sd"]
+        table = pd.DataFrame(list(sd.values()), index=pd.Index(list(sd)), columns=columns)
+    ax = plots.expected_sd(table, plt.figure().add_subplot())
+    entries = ["slow", "fast"] if of == "comparison" else ["before", "with the design"]
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == entries
+    assert [list(line.get_xdata()) for line in ax.lines] == [[50.0, 2.0], [10.0, 1.0]]
+    assert [line.get_color() for line in ax.lines] == [mode_colour(0), mode_colour(1)]
+    assert [label.get_text() for label in ax.get_yticklabels()] == ["$a$", "$b$"]
+    with pytest.raises(InputError, match="no expected standard deviations"):
+        plots.expected_sd(pd.DataFrame({"value": [1.0]}))
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,23 @@ import mofit
 from mofit.cli import main
 from mofit.cli.app import app
 from mofit.errors import InputError
+from mofit.experimental_design.comparison_result import Comparison
 from mofit.identification.inputs import as_effect, as_effects
 from mofit.models import find_effect, find_model
 from mofit.runtime.notebook import NotebookProgress, listener, progress_html
 from mofit.runtime.progress import silent
 from mofit.sampling.settings import SampleSettings
 
+SPACE = """
+[defaults]
+sample_rate = "100 Hz"
+
+[[tests]]
+kind = "sine"
+frequency = ["0.3 Hz", "1 Hz", "3 Hz"]
+amplitude = "1 rad"
+duration = "20 s"
+"""
 QUICK = mofit.Settings(seed=4, sampling=SampleSettings(tau_multiple=20.0, min_ess=100.0, max_r_hat=1.1), jobs=1)
 
 
@@ -104,6 +115,22 @@ def test_a_comparison_is_a_table(place, capsys):
     first = printed[0]
     for name, entry in first["parameters"].items():
         assert table.loc[(first["name"], name), "verdict"] == entry["verdict"]
+    page = found._repr_html_()
+    assert page.count("data:image/png;base64,") == 1
+    assert all(f">{row['name']}</th>" in page for row in printed)
+    assert isinstance(found, Comparison)
+
+
+def test_a_design_shows_its_tests_and_what_they_give(place, tmp_path):
+    file, model = place
+    (tmp_path / "space.toml").write_text(SPACE)
+    found = mofit.design(file, space=tmp_path / "space.toml", model=model, parameters="T", budget="40 s", samples=1)
+    page, tests = found._repr_html_(), [candidate.name for candidate, _ in found.design.tests]
+    assert tests
+    assert all(f">{name}</th>" in page for name in tests)
+    assert "Relative standard deviation of T" in page
+    assert page.count("<table") == 2
+    assert page.count("data:image/png;base64,") == 1
 
 
 def test_an_effect_may_be_an_object_a_class_or_a_name():

@@ -1,0 +1,66 @@
+"""How comparisons and designs show themselves in a notebook."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mofit.experimental_design.comparison_result import Comparison
+from mofit.experimental_design.design_job import Proposal
+from mofit.experimental_design.summary import design_summary
+from mofit.experimental_design.text import augmentation_sentences, criterion_text, settings_text
+from mofit.workflows.shown import picture, summary, view
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class ShownComparison(Comparison):
+    """A comparison that a notebook shows with its sentences, table and figure."""
+
+    @classmethod
+    def of(cls, found: Comparison) -> ShownComparison:
+        """The same comparison."""
+        return cls(**vars(found))
+
+    def _repr_html_(self) -> str:
+        table = summary(self)
+        lost = [f"{name} is not identifiable from any of these experiments." for name in self.not_identifiable]
+        model = self.sources[0].source.model
+        return view(
+            f"Experiments compared: {model.title or model.name}",
+            [*lost, *augmentation_sentences(self), *self.notes],
+            [table[["relative_sd", "sd", "unit", "verdict"]]],
+            _figures(table),
+        )
+
+
+class ShownProposal(Proposal):
+    """A design that a notebook shows with its tests, what they give, and a figure."""
+
+    @classmethod
+    def of(cls, found: Proposal) -> ShownProposal:
+        """The same design."""
+        return cls(**vars(found))
+
+    def _repr_html_(self) -> str:
+        import pandas as pd
+
+        said, table = design_summary(self), summary(self)
+        rows = [
+            {"kind": test["kind"], "settings": settings_text(test), "times": test["times"], "seconds": test["seconds"]}
+            for test in said["design"]
+        ]
+        tests = pd.DataFrame(rows, index=pd.Index([test["name"] for test in said["design"]], name="run next"))
+        columns = ["sd_before", "sd", "unit", "relative_sd_before", "relative_sd", "verdict"]
+        return view(
+            "Next tests for " + ", ".join(said["criterion"]["of"]),
+            [*said["not_identifiable"], criterion_text(said), *self.notes],
+            [tests, table[columns]],
+            _figures(table),
+        )
+
+
+def _figures(table: pd.DataFrame) -> list[tuple[str, str]]:
+    from mofit import plots
+
+    return [("expected standard deviations", picture(lambda ax: plots.expected_sd(table, ax)))]
