@@ -13,6 +13,9 @@ from mofit.workflows.shown import picture, summary, view
 if TYPE_CHECKING:
     import pandas as pd
 
+#: columns of the tables that are shown, of a comparison or a design
+_COLUMNS = ("sd_before", "sd", "unit", "relative_sd_before", "relative_sd", "verdict")
+
 
 class ShownComparison(Comparison):
     """A comparison that a notebook shows with its sentences, table and figure."""
@@ -22,6 +25,9 @@ class ShownComparison(Comparison):
         """The same comparison."""
         return cls(**vars(found))
 
+    def __repr__(self) -> str:
+        return str(_brief(self))
+
     def _repr_html_(self) -> str:
         table = summary(self)
         lost = [f"{name} is not identifiable from any of these experiments." for name in self.not_identifiable]
@@ -29,7 +35,7 @@ class ShownComparison(Comparison):
         return view(
             f"Experiments compared: {model.title or model.name}",
             [*lost, *augmentation_sentences(self), *self.notes],
-            [table[["relative_sd", "sd", "unit", "verdict"]]],
+            [_brief(self)],
             _figures(table),
         )
 
@@ -42,6 +48,9 @@ class ShownProposal(Proposal):
         """The same design."""
         return cls(**vars(found))
 
+    def __repr__(self) -> str:
+        return str(_brief(self))
+
     def _repr_html_(self) -> str:
         import pandas as pd
 
@@ -51,13 +60,18 @@ class ShownProposal(Proposal):
             for test in said["design"]
         ]
         tests = pd.DataFrame(rows, index=pd.Index([test["name"] for test in said["design"]], name="run next"))
-        columns = ["sd_before", "sd", "unit", "relative_sd_before", "relative_sd", "verdict"]
         return view(
             "Next tests for " + ", ".join(said["criterion"]["of"]),
             [*said["not_identifiable"], criterion_text(said), *self.notes],
-            [tests, table[columns]],
+            [tests, _brief(self)],
             _figures(table),
         )
+
+
+def _brief(found: Comparison | Proposal) -> pd.DataFrame:
+    """What a reader looks at first."""
+    table = summary(found)
+    return table[[name for name in _COLUMNS if name in table]]
 
 
 def _figures(table: pd.DataFrame) -> list[tuple[str, str]]:

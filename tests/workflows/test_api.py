@@ -119,6 +119,8 @@ def test_a_comparison_is_a_table(place, capsys):
     assert page.count("data:image/png;base64,") == 1
     assert all(f">{row['name']}</th>" in page for row in printed)
     assert isinstance(found, Comparison)
+    assert first["name"] in repr(found)
+    assert len(repr(found)) < 2000
 
 
 def test_a_design_shows_its_tests_and_what_they_give(place, tmp_path):
