@@ -27,6 +27,7 @@ extensions = [
     "sphinx.ext.viewcode",
     "catalogue_directive",
     "commands_directive",
+    "notebook_parser",
     "tables_directive",
 ]
 myst_enable_extensions = ["dollarmath"]
