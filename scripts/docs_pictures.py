@@ -1,7 +1,7 @@
 """Pictures of the documentation: ``python scripts/docs_pictures.py [NAME ...]`` writes docs/images/NAME.svg.
 
 Without names it draws all. The pictures of a result come from one identification of the bundled campaign, those of a
-diagnosis from that campaign and from a simulated one with two effects.
+diagnosis from that campaign and from a simulated one with two effects, those of the gallery from its own code.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
+import gallery
 import mofit
 from mofit import plots
 from mofit.data import bundled_campaign
@@ -85,7 +86,7 @@ STYLE = {
 BLUE, ORANGE, GREY = "#1f5fa8", "#d1701c", "#8a929b"
 
 #: Name of a picture -> function that draws it.
-PICTURES: dict[str, Callable[[], Figure]] = {}
+PICTURES: dict[str, Callable[[], Figure]] = gallery.pictures()
 
 
 def picture(draw: Callable[[], Figure]) -> Callable[[], Figure]:
