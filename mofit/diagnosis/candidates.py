@@ -22,6 +22,8 @@ from mofit.identification.inputs import as_effect
 from mofit.models import (
     Effect,
     Model,
+    apart,
+    base_and_effects,
     build_system,
     drifts_of,
     effect_names,
@@ -124,11 +126,10 @@ def choose_effects(
     """
     own = [name for name in names if not isinstance(name, str) or name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
-    chosen, left_out = [], {}
+    chosen, left_out, present = [], {}, [one.name for one in base_and_effects(model)[1]]
     for name in (*(only or (*effect_names(), *drifts_of(model))), *own):
-        effect = as_effect(name).for_tests(stated_conditions(campaign))
-        present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
-        reason = "the model has it already" if present else incompatibility(effect, model)
+        effect = apart(as_effect(name).for_tests(stated_conditions(campaign)), model)
+        reason = "the model has it already" if effect.name in present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
             reason = f"{issues[0].where}: {issues[0].message}"
         reason = _out_of_reach(model, effect) if reason is None else reason

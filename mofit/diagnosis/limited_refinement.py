@@ -15,8 +15,8 @@ from mofit.optimize.levenberg_marquardt import Evaluate
 #: Iterations after which it is asked which starts may still come down to the limit, and after twice as many again: most
 #: are near their end by then.
 _FIRST = 8
-#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly anything
-#: will change.
+#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly
+#: anything will change.
 _HOPELESS = 0.05
 
 
