@@ -14,7 +14,7 @@ from mofit.data import Campaign
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
-from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
+from mofit.diagnosis.integration import DIVERGED, clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
@@ -31,7 +31,7 @@ from mofit.models import (
     with_effects,
 )
 from mofit.parameters import ParameterSpace
-from mofit.simulation import lacking
+from mofit.simulation import Simulator, lacking
 from mofit.simulation.evaluation.evaluations import simulator_of
 from mofit.simulation.ranges import scaled, with_parameters
 from mofit.simulation.requirements import stated_conditions
@@ -175,8 +175,10 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
         values = values[:, 0]
 
     def sensitivities(steps: int, which: NDArray[np.intp]) -> FloatArray:
-        slopes = simulator.with_steps(steps).sensitivities(values[which])
-        return observed.whitened([clipped(slope) for _, slope in slopes])
+        slopes = _secants if effect.abrupt else _slopes
+        return observed.whitened(
+            [clipped(slope) for slope in slopes(simulator.with_steps(steps), values[which], effect)]
+        )
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
         return float(np.linalg.norm(fine - coarse) / (np.linalg.norm(fine) + np.finfo(float).tiny))
@@ -196,6 +198,29 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     place = np.arange(len(found)) % len(points)
     rows = [np.concatenate([points[i], root @ one.sensitivity]) for i, one in zip(place, found, strict=True)]
     return Candidate(tuple(found), np.stack(rows), columns, steps[place])
+
+
+def _slopes(simulator: Simulator, values: FloatArray, effect: Effect) -> list[FloatArray]:
+    """Derivatives of the outputs by the effect's size, per test (K, n, outputs, c)."""
+    return [slope for _, slope in simulator.sensitivities(values)]
+
+
+def _secants(simulator: Simulator, values: FloatArray, effect: Effect) -> list[FloatArray]:
+    """Change of the outputs per unit of the effect's size up to its typical size, per test (K, n, outputs, c)."""
+    without, columns = _simulated(simulator, values), list[list[FloatArray]]()
+    for size in effect.parameters:
+        if size.neutral is None:
+            continue
+        typical = values.copy()
+        typical[..., simulator.system.parameters.index(size.name)] = size.nominal
+        changed = zip(_simulated(simulator, typical), without, strict=True)
+        columns.append([(there - here) / (size.nominal - size.neutral) for there, here in changed])
+    return [np.stack(test, axis=-1) for test in zip(*columns, strict=True)]
+
+
+def _simulated(simulator: Simulator, values: FloatArray) -> list[FloatArray]:
+    """Outputs per test (K, n, outputs); nan where the integration diverged, so that two of these do not agree."""
+    return [np.where(np.abs(output) < DIVERGED, output, np.nan) for output in simulator.simulate(values)]
 
 
 def effects_moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:

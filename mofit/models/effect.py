@@ -40,6 +40,8 @@ class Effect(ABC):
         where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
+    abrupt
+        True where outputs change out of proportion to a small size, so that their slope at neutral says little.
     of_rig, part_of_name
         Whether the rig or the measuring chain adds it, else the model lacks it; whether the extended model names it.
     """
@@ -55,6 +57,7 @@ class Effect(ABC):
     inputs: tuple[Channel, ...] = ()
     conditions: tuple[Condition, ...] = ()
     candidate: bool = True
+    abrupt: bool = False
     of_rig: bool = False
     part_of_name: bool = True
 

@@ -31,7 +31,8 @@ class _ByOtherNames(Effect):
         self.written, self._names = written, dict(names)
         for attribute in ("name", "title", "family", "on", "needs", "unless", "inputs", "conditions"):
             setattr(self, attribute, getattr(written, attribute))
-        self.candidate, self.of_rig, self.part_of_name = written.candidate, written.of_rig, written.part_of_name
+        for flag in ("candidate", "abrupt", "of_rig", "part_of_name"):
+            setattr(self, flag, getattr(written, flag))
         self.parameters = tuple(replace(one, name=names.get(one.name, one.name)) for one in written.parameters)
         self.states = tuple(replace(one, name=names.get(one.name, one.name)) for one in written.states)
 
