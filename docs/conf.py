@@ -65,7 +65,7 @@ def _relink(app, name: str, source: list[str]) -> None:
     if name == "reports/README":  # links of the index lead to its own subfolders
         source[0] = source[0].replace("](", "](../reports/")
     text = re.sub(
-        r"\[([^\]]+)\]\(\.\./(reports/[\w/-]+)\.md\)",
+        r"\[([^\]]+)\]\(\.\./((?:reports|examples)/[\w/-]+)\.(?:md|ipynb)\)",
         lambda found: f"{{doc}}`{found[1].replace('`', '')} </{found[2]}>`",
         source[0],
     )

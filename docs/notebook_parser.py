@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from docutils import nodes
-from myst_parser.sphinx_ext.main import MystParser
+from myst_parser.parsers.sphinx_ import MystParser
 
 #: Kinds of an output, the richest first.
 _KINDS = ("text/html", "image/png", "text/plain")
@@ -27,10 +28,20 @@ def _blocks(notebook: dict[str, Any]) -> Iterator[str]:
     for cell in notebook["cells"]:
         source = "".join(cell["source"])
         if cell["cell_type"] == "markdown":
-            yield source.replace("](../../docs/", "](../../")  # this page is docs/examples/notebooks/NAME
+            yield _linked(source)
+            continue
+        magic, _, rest = source.partition("\n")
+        if magic.startswith("%%writefile "):
+            yield _fenced("{code-block} toml", f":caption: {magic.split()[1]}\n\n{rest}")
         else:
-            yield _fenced("toml" if source.startswith("%%writefile") else "python", source)
+            yield _fenced("python", source)
             yield from map(_output, cell["outputs"])
+
+
+def _linked(text: str) -> str:
+    """Links to pages and to other notebooks as Sphinx knows them: it reads this page through the link docs/examples."""
+    text = re.sub(r"\[([^\]]+)\]\(\.\./\.\./docs/(\w+)\.md\)", r"{doc}`\1 </\2>`", text)
+    return re.sub(r"\[([^\]]+)\]\((\w+)\.ipynb\)", r"{doc}`\1 </examples/notebooks/\2>`", text)
 
 
 def _output(output: dict[str, Any]) -> str:

@@ -32,7 +32,7 @@ def test_a_notebook_holds_its_outputs_and_is_in_the_index(path: Path) -> None:
     assert "error" not in found
     assert path.stat().st_size < 500_000
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
-    assert f"(examples/notebooks/{path.name})" in index
+    assert f"(../examples/notebooks/{path.name})" in index
     assert f"\nexamples/notebooks/{path.stem}\n" in index
     text = "".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
     assert [link for link in re.findall(r"\]\(([^):#]+)", text) if not (FOLDER / link).exists()] == []
