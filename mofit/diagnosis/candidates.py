@@ -107,7 +107,7 @@ def ranged(
 
 
 def choose_effects(
-    model: Model, campaign: Campaign, names: Sequence[str | Effect] = ()
+    model: Model, campaign: Campaign, names: Sequence[str | Effect] = (), more: Sequence[Effect] = ()
 ) -> tuple[list[Effect], dict[str, str]]:
     """Effects that the model and the tests admit, and why each of the others is left out.
 
@@ -118,6 +118,8 @@ def choose_effects(
     names
         Shipped names, ``path/to/file.py:Name``, or effects. Effects and files join the shipped effects; if a shipped
         name is given, only the named effects take part.
+    more
+        Effects that take part beside the shipped ones.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def choose_effects(
     own = [name for name in names if not isinstance(name, str) or name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
     chosen, left_out, present = [], {}, [one.name for one in base_and_effects(model)[1]]
-    for name in (*(only or (*effect_names(), *drifts_of(model))), *own):
+    for name in (*(only or (*effect_names(), *drifts_of(model), *more)), *own):
         effect = apart(as_effect(name).for_tests(stated_conditions(campaign)), model)
         reason = "the model has it already" if effect.name in present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
