@@ -65,7 +65,7 @@ def test_a_notebook_is_shown_with_its_outputs(site: Path) -> None:
     for page in pages:
         text = page.read_text(encoding="utf-8")
         assert "<table" in text
-        assert "mofit." in text
+        assert ">mofit</span>" in text
         assert "base64," in text or page.stem in ("diagnose", "own_data_and_model")
 
 
