@@ -29,12 +29,12 @@ identify: $(READY)
 	$(BIN)/mofit identify --all-freqs $(ARGS)
 
 test: lint
-	$(BIN)/python -m pytest -n 2 -m "not slow" $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow" $(ARGS)
 
 test-all: test test-long
 
 test-long: $(READY)
-	$(BIN)/python -m pytest -n 2 -m slow $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow $(ARGS)
 
 lint: $(READY)
 	$(BIN)/ruff check

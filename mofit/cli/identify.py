@@ -197,7 +197,8 @@ def diagnose(
     out
         Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
-    from mofit.cli.output import progress_bar, show_diagnosis
+    from mofit.cli.diagnosis_shown import show_diagnosis
+    from mofit.cli.output import progress_bar
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
     from mofit.simulation.evaluation.executors import TIMEOUT

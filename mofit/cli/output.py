@@ -67,7 +67,7 @@ def terminal_console() -> Console:
     return console
 
 
-def _table(*heads: str, words: Sequence[str] = (), title: str | None = None) -> Table:
+def table_of(*heads: str, words: Sequence[str] = (), title: str | None = None) -> Table:
     """A table; the first column and those among ``words`` are aligned left, numbers right."""
     table = Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
     for k, head in enumerate(heads):
@@ -88,7 +88,7 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
         worst = max(mode["nrmsd"].values())
         title = f"{mode['id']}: probability {mode['probability']:.3g}, NRMSD up to {100 * worst:.3g} %"
         heads = ("parameter", "MAP", "mean", "sd", "5 %", "95 %", "unit", "verdict")
-        table = _table(*heads, words=("unit", "verdict"), title=title)
+        table = table_of(*heads, words=("unit", "verdict"), title=title)
         for name, entry in mode["parameters"].items():
             keys = ("value", "mean", "sd", "q05", "q95")
             numbers = ["–" if entry[key] is None else f"{entry[key]:.4g}" for key in keys]
@@ -120,7 +120,7 @@ _SHOWN = 12
 def _scoped(mode: Mapping[str, Any]) -> Table:
     """Parameters with a value per test or condition: estimate and standard deviation of each."""
     title = f"{mode['id']}: values per test or condition (± standard deviation)"
-    table = _table("parameter", "of", "estimate", "sd", "unit", words=("of", "unit"), title=title)
+    table = table_of("parameter", "of", "estimate", "sd", "unit", words=("of", "unit"), title=title)
     for name, entry in mode["scoped"].items():
         for label, own in [*entry["values"].items()][:_SHOWN]:
             side = {-1: " (lower end of its range)", 0: "", 1: " (upper end of its range)"}[own["at_bound"]]
@@ -133,7 +133,9 @@ def _scoped(mode: Mapping[str, Any]) -> Table:
 def _errors_of_outputs(summary: Mapping[str, Any]) -> Table:
     """NRMSD of every test and output, of the best mode and of the noise; no name of a test holds a ``/``."""
     best = summary["modes"][0]
-    table = _table("test", "output", "NRMSD", "noise", words=("output",), title=f"{best['id']}: NRMSD of every output")
+    table = table_of(
+        "test", "output", "NRMSD", "noise", words=("output",), title=f"{best['id']}: NRMSD of every output"
+    )
     for name, floor in summary["noise_floor"].items():
         values = (best["nrmsd"][name], floor)
         cells = ["–" if value is None else f"{100 * value:.3g} %" for value in values]
@@ -156,54 +158,6 @@ def _search_line(search: Mapping[str, Any]) -> str:
         else " The budget was spent before this number fell below its limit; --evaluations gives more."
     )
     return f"{line} Expected undiscovered: {search['expected_undiscovered']:.2g}.{spent}"
-
-
-def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
-    """The conclusion, the effects, the proposed term, and the next experiment."""
-    from mofit.diagnosis.effect_file import EFFECT_FILE
-
-    console = terminal_console()
-    console.print(found["sentence"], style="bold")
-    where = found["where"]
-    if where["residuals"]:
-        console.print(f"Gap: {where['gap']:.3g} {where['unit']} (root mean square beyond the noise)")
-    if found["effects"]:
-        table = _table("family", "effect", "probability", "size", "5 %", "95 %", "unit", words=("effect", "unit"))
-        for effect in found["effects"]:
-            sizes = [f"{effect[key]:.4g}" for key in ("size", "size_low", "size_high")]
-            table.add_row(effect["family"], effect["name"], f"{effect['probability']:.2f}", *sizes, effect["unit"])
-        console.print(table)
-    if shrinkage := found["shrinkage"]:
-        console.print(shrinkage["sentence"])
-        if (shares := _shares(shrinkage["kinds"])).row_count > 1:
-            console.print(shares)
-        if caveat := shrinkage["caveat"]:
-            console.print(caveat)
-    if proposed := found["proposed"]:
-        table = _table("proposed term", "value", "5 %", "95 %", "unit", words=("unit",))
-        for one in proposed["parameters"]:
-            values = [f"{one[key]:.4g}" for key in ("value", "low", "high")]
-            table.add_row(f"{one['name']}: {one['description']}", *values, one["unit"])
-        console.print(table)
-        console.print(f"To go on with it: mofit identify --effect {folder / EFFECT_FILE}")
-    elif found["verdict"] in ("partly", "unknown"):
-        console.print(f"No term is proposed: {found['proposed_reason']}.")
-    if found["next_experiment"]:
-        console.print(found["next_experiment"]["sentence"])
-    for warning in found["warnings"]:
-        console.print(f"warning: {warning}")
-    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}")
-
-
-def _shares(kinds: Sequence[Mapping[str, Any]]) -> Table:
-    """The share of the gap removed, by kind of hold-out, and on every group and record."""
-    from mofit.diagnosis.shrinkage import in_percent, labelled_shares
-
-    table = _table("left out of the fit", "removed %", "5 %", "95 %")
-    for name, one in labelled_shares(kinds):
-        away = one.get("ran_away", False)
-        table.add_row(name, *("–" if away else in_percent(one[key]) for key in ("share", "low", "high")))
-    return table
 
 
 def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) -> None:
@@ -240,7 +194,7 @@ def show_comparison(summary: Mapping[str, Any], augmentations: Sequence[str]) ->
 def _abreast(summary: Mapping[str, Any], names: Sequence[str]) -> Table:
     """A row per experiment, parameters side by side."""
     heads = [head for name in names for head in (f"{name}: sd", "per min", "verdict")]
-    table = _table("experiment", "time", *heads, words=("verdict",))
+    table = table_of("experiment", "time", *heads, words=("verdict",))
     for row in summary["experiments"]:
         cells = [cell for entry in row["parameters"].values() for cell in _cells(entry)]
         table.add_row(row["name"], f"{row['seconds']:.0f} s", *cells)
@@ -249,7 +203,7 @@ def _abreast(summary: Mapping[str, Any], names: Sequence[str]) -> Table:
 
 def _stacked(summary: Mapping[str, Any]) -> Table:
     """A row per experiment and parameter."""
-    table = _table("experiment", "parameter", "time", "sd", "per min", "verdict", words=("parameter", "verdict"))
+    table = table_of("experiment", "parameter", "time", "sd", "per min", "verdict", words=("parameter", "verdict"))
     for row in summary["experiments"]:
         for name, entry in row["parameters"].items():
             table.add_row(row["name"], name, f"{row['seconds']:.0f} s", *_cells(entry))
@@ -273,12 +227,12 @@ def show_design(summary: Mapping[str, Any]) -> None:
     from mofit.experimental_design.text import criterion_text, settings_text, value_text
 
     console = terminal_console()
-    table = _table("run next", "kind", "settings", "times", "time", words=("kind", "settings"))
+    table = table_of("run next", "kind", "settings", "times", "time", words=("kind", "settings"))
     for test in summary["design"]:
         table.add_row(test["name"], test["kind"], settings_text(test), str(test["times"]), f"{test['seconds']:.0f} s")
     console.print(table)
     heads = ("parameter", "sd before", "sd after", "unit", "before", "after", "verdict after")
-    table = _table(*heads, words=("unit", "verdict after"))
+    table = table_of(*heads, words=("unit", "verdict after"))
     for name, entry in summary["parameters"].items():
         table.add_row(
             name, f"{entry['sd_before']:.3g}", f"{entry['sd']:.3g}", entry["unit"],
@@ -286,7 +240,7 @@ def show_design(summary: Mapping[str, Any]) -> None:
         )  # fmt: skip
     console.print(table)
     console.print(criterion_text(summary))
-    table = _table("best single tests", "time", "criterion")
+    table = table_of("best single tests", "time", "criterion")
     for test in summary["singles"][:_BEST]:
         table.add_row(test["name"], f"{test['seconds']:.0f} s", value_text(summary, test["value"]))
     console.print(table)

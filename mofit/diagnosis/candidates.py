@@ -14,7 +14,7 @@ from mofit.data import Campaign
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
-from mofit.diagnosis.integration import clipped, each_with_enough_steps, stable
+from mofit.diagnosis.integration import DIVERGED, clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
@@ -22,6 +22,8 @@ from mofit.identification.inputs import as_effect
 from mofit.models import (
     Effect,
     Model,
+    apart,
+    base_and_effects,
     build_system,
     drifts_of,
     effect_names,
@@ -29,7 +31,7 @@ from mofit.models import (
     with_effects,
 )
 from mofit.parameters import ParameterSpace
-from mofit.simulation import lacking
+from mofit.simulation import Simulator, lacking
 from mofit.simulation.evaluation.evaluations import simulator_of
 from mofit.simulation.ranges import scaled, with_parameters
 from mofit.simulation.requirements import stated_conditions
@@ -105,7 +107,7 @@ def ranged(
 
 
 def choose_effects(
-    model: Model, campaign: Campaign, names: Sequence[str | Effect] = ()
+    model: Model, campaign: Campaign, names: Sequence[str | Effect] = (), more: Sequence[Effect] = ()
 ) -> tuple[list[Effect], dict[str, str]]:
     """Effects that the model and the tests admit, and why each of the others is left out.
 
@@ -116,6 +118,8 @@ def choose_effects(
     names
         Shipped names, ``path/to/file.py:Name``, or effects. Effects and files join the shipped effects; if a shipped
         name is given, only the named effects take part.
+    more
+        Effects that take part beside the shipped ones.
 
     Raises
     ------
@@ -124,11 +128,10 @@ def choose_effects(
     """
     own = [name for name in names if not isinstance(name, str) or name.partition(":")[0].endswith(".py")]
     only = [name for name in names if name not in own]
-    chosen, left_out = [], {}
-    for name in (*(only or (*effect_names(), *drifts_of(model))), *own):
-        effect = as_effect(name).for_tests(stated_conditions(campaign))
-        present = {p.name for p in effect.parameters} & {p.name for p in model.parameters}
-        reason = "the model has it already" if present else incompatibility(effect, model)
+    chosen, left_out, present = [], {}, [one.name for one in base_and_effects(model)[1]]
+    for name in (*(only or (*effect_names(), *drifts_of(model), *more)), *own):
+        effect = apart(as_effect(name).for_tests(stated_conditions(campaign)), model)
+        reason = "the model has it already" if effect.name in present else incompatibility(effect, model)
         if reason is None and (issues := lacking(with_effects(model, effect), campaign)):
             reason = f"{issues[0].where}: {issues[0].message}"
         reason = _out_of_reach(model, effect) if reason is None else reason
@@ -174,8 +177,10 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
         values = values[:, 0]
 
     def sensitivities(steps: int, which: NDArray[np.intp]) -> FloatArray:
-        slopes = simulator.with_steps(steps).sensitivities(values[which])
-        return observed.whitened([clipped(slope) for _, slope in slopes])
+        slopes = _secants if effect.abrupt else _slopes
+        return observed.whitened(
+            [clipped(slope) for slope in slopes(simulator.with_steps(steps), values[which], effect)]
+        )
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
         return float(np.linalg.norm(fine - coarse) / (np.linalg.norm(fine) + np.finfo(float).tiny))
@@ -195,6 +200,29 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     place = np.arange(len(found)) % len(points)
     rows = [np.concatenate([points[i], root @ one.sensitivity]) for i, one in zip(place, found, strict=True)]
     return Candidate(tuple(found), np.stack(rows), columns, steps[place])
+
+
+def _slopes(simulator: Simulator, values: FloatArray, effect: Effect) -> list[FloatArray]:
+    """Derivatives of the outputs by the effect's size, per test (K, n, outputs, c)."""
+    return [slope for _, slope in simulator.sensitivities(values)]
+
+
+def _secants(simulator: Simulator, values: FloatArray, effect: Effect) -> list[FloatArray]:
+    """Change of the outputs per unit of the effect's size up to its typical size, per test (K, n, outputs, c)."""
+    without, columns = _simulated(simulator, values), list[list[FloatArray]]()
+    for size in effect.parameters:
+        if size.neutral is None:
+            continue
+        typical = values.copy()
+        typical[..., simulator.system.parameters.index(size.name)] = size.nominal
+        changed = zip(_simulated(simulator, typical), without, strict=True)
+        columns.append([(there - here) / (size.nominal - size.neutral) for there, here in changed])
+    return [np.stack(test, axis=-1) for test in zip(*columns, strict=True)]
+
+
+def _simulated(simulator: Simulator, values: FloatArray) -> list[FloatArray]:
+    """Outputs per test (K, n, outputs); nan where the integration diverged, so that two of these do not agree."""
+    return [np.where(np.abs(output) < DIVERGED, output, np.nan) for output in simulator.simulate(values)]
 
 
 def effects_moving(fitted: Fitted, needs: Sequence[str]) -> list[Effect]:

@@ -13,11 +13,14 @@ from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
+from mofit.diagnosis.gap_under_conditions import gaps_under_conditions
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.main_cause import Case, investigate, main_causes, rivals, stands_out
 from mofit.diagnosis.measured_shrinkage import measured_shrinkage
+from mofit.diagnosis.missing_laws import missing_laws
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.next_experiment import next_experiment
+from mofit.diagnosis.notes import at_ends, at_most, of_tests
 from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.refit import share_left
 from mofit.diagnosis.residual_map import homogeneity
@@ -110,10 +113,11 @@ def _diagnosed(
     """The steps of a diagnosis, in order."""
     whole, campaign = campaign, without_held_out(campaign, hold_out)
     tests = remaining_tests(model, campaign, whole, tests)
-    model, settings = with_laws_of_conditions(campaign, model, settings, tests, progress)
+    over, (model, settings) = settings.over, with_laws_of_conditions(campaign, model, settings, tests, progress)
     records = whole.select(hold_out) if hold_out else None
     selected = campaign.select(tests)
-    (named, left_out), scales = choose_effects(model, selected, effects), data_scales(model, selected)
+    laws, scales = missing_laws(model, selected, over, settings.fixed), data_scales(model, selected)
+    named, left_out = choose_effects(model, selected, effects, laws)
     chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
     settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")
@@ -137,6 +141,7 @@ def _diagnosed(
         attribution=found,
         before=case.before,
         after=case.after,
+        under_conditions=gaps_under_conditions(case.before, selected, over),
         homogeneity=tuple(homogeneity(case.found.baseline)),
         shrinkage=ending.shrinkage,
         shrinkage_reason=ending.reason,
@@ -151,9 +156,9 @@ def _diagnosed(
         warnings=(
             *notes,
             *simulations_told(observed.problem),
-            *_at_ends(found),
-            *_at_most(found, rules),
-            *_of_tests(found, ending.shrinkage),
+            *at_ends(found),
+            *at_most(found, rules),
+            *of_tests(found, ending.shrinkage),
         ),
         complete=complete,
         seconds=processor_time() - began,
@@ -237,39 +242,10 @@ def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Pro
     return propose(first.found.baseline, main, case.settings, seed, progress)
 
 
-def _at_ends(found: Attribution) -> tuple[str, ...]:
-    """What to know of the best model's parameters that lie at the end of their range."""
-    best = found.best.fitted
-    bounds = zip(best.hypothesis.space.parameters, best.minimum.at_bound, strict=True)
-    return tuple(
-        f"{one.name} is at the end of its range, {one.lower if side < 0 else one.upper:.4g} {one.unit}: read what is "
-        "named with care, or widen it with --bounds."
-        for one, side in bounds
-        if side and (one.lower if side < 0 else one.upper) != one.neutral
-    )
-
-
-def _of_tests(found: Attribution, shrinkage: Shrinkage | None) -> tuple[str, ...]:
-    """What to know of the shares where a test has values of its own."""
-    layout = found.best.fitted.hypothesis.layout
-    names = dict.fromkeys(name for (name, _), test in zip(layout.cells, layout.only_test, strict=True) if test >= 0)
-    if shrinkage is None or not names:
-        return ()
-    return (f"What each test has of its own ({', '.join(names)}) is estimated from the held-out test itself.",)
-
-
 def _unpooled(model: Model) -> Model:
     """The model with the values of pooled parameters free: a diagnosis asks what a test needs, not what is usual."""
     parameters = tuple(replace(one, pooled=False) for one in model.parameters)
     return model if parameters == tuple(model.parameters) else with_parameters(model, parameters)
-
-
-def _at_most(found: Attribution, rules: DiagnosisSettings) -> tuple[str, ...]:
-    """What to know where the search ended although something is left."""
-    tried = len(found.best.effects)
-    if tried < rules.most_effects or found.best_residuals.p_value >= rules.residual_p_value:
-        return ()
-    return (f"No more than {tried} effects are tried at once, and more than noise is left: there may be one more.",)
 
 
 def _why_no_shrinkage(case: Case) -> str:

@@ -24,7 +24,7 @@ from mofit.models import (
     build_system,
     with_effects,
 )
-from mofit.models.effect import base_and_effects, possible_targets, rate_of
+from mofit.models.extended_model import base_and_effects, possible_targets, rate_of
 from mofit.parameters import Parameter
 from mofit.simulation import ExperimentData
 

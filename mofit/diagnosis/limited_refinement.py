@@ -15,8 +15,8 @@ from mofit.optimize.levenberg_marquardt import Evaluate
 #: Iterations after which it is asked which starts may still come down to the limit, and after twice as many again: most
 #: are near their end by then.
 _FIRST = 8
-#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly anything
-#: will change.
+#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly
+#: anything will change.
 _HOPELESS = 0.05
 
 
@@ -49,5 +49,9 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
 
 def _may_win(values: FloatArray, gradients: FloatArray, hessians: FloatArray, limit: float) -> NDArray[np.bool_]:
     """Which points lack so little of the limit, or gain so much by a Newton step, that they may come down to it."""
-    steps = np.linalg.solve(hessians + np.eye(gradients.shape[1]), gradients[..., None])[..., 0]
-    return np.asarray(0.5 * np.sum(gradients * steps, axis=1) > _HOPELESS * (values - limit))
+    # scaled, and by a pseudo-inverse: beside derivatives of 1e30 a unit matrix makes none regular
+    sizes = np.sqrt(1 + np.diagonal(hessians, axis1=1, axis2=2))
+    scaled = (hessians + np.eye(gradients.shape[1])) / (sizes[:, :, None] * sizes[:, None, :])
+    slopes = gradients / sizes
+    steps = (np.linalg.pinv(scaled, hermitian=True) @ slopes[..., None])[..., 0]
+    return np.asarray(0.5 * np.sum(slopes * steps, axis=1) > _HOPELESS * (values - limit))

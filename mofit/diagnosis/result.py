@@ -10,6 +10,7 @@ import numpy as np
 
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.conclusion import Conclusion
+from mofit.diagnosis.gap_under_conditions import GapUnder
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
 from mofit.diagnosis.proposal import Proposal
@@ -40,6 +41,8 @@ class Diagnosis:
         Every candidate and every model that was tried, with their final estimates.
     before, after
         The gap located, without effects and with the best model.
+    under_conditions
+        The gap without effects under every value of the conditions over which parameters follow laws.
     homogeneity
         Whether single tests agree on the model's parameters.
     shrinkage, shrinkage_reason
@@ -68,6 +71,7 @@ class Diagnosis:
     attribution: Attribution
     before: ResidualMap
     after: ResidualMap
+    under_conditions: tuple[GapUnder, ...]
     homogeneity: tuple[Homogeneity, ...]
     shrinkage: Shrinkage | None
     shrinkage_reason: str
@@ -106,7 +110,8 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "families": [asdict(family) for family in conclusion.families],
         "group": list(conclusion.group),
         "candidate_models": [list(one.effects) for one in conclusion.indistinguishable],
-        "where": _where(diagnosis.before, found.baseline_residuals),
+        "where": _where(diagnosis.before, found.baseline_residuals)
+        | {"conditions": [asdict(one) for one in diagnosis.under_conditions]},
         "residual": _where(diagnosis.after, found.best_residuals) | _left(diagnosis),
         "shrinkage": None if shrinkage is None else _shrinkage(shrinkage),
         "shrinkage_reason": diagnosis.shrinkage_reason,

@@ -2,7 +2,8 @@
 
 from mofit.models.black_box import Record, Simulator
 from mofit.models.black_box_system import BlackBoxSystem
-from mofit.models.effect import Addition, Effect, Scaling, incompatibility, with_effects
+from mofit.models.effect import Addition, Effect, Scaling
+from mofit.models.extended_model import apart, base_and_effects, incompatibility, with_effects
 from mofit.models.law import (
     CONSTANT,
     FORMS,
@@ -42,7 +43,9 @@ __all__ = [
     "Stage",
     "Symbols",
     "System",
+    "apart",
     "as_laws",
+    "base_and_effects",
     "build_system",
     "default_model",
     "drifts_of",

@@ -20,7 +20,8 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.models.effect import Effect, base_and_effects, with_effects
+from mofit.models.effect import Effect
+from mofit.models.extended_model import base_and_effects, with_effects
 from mofit.models.model import TARGET_UNIT, Applied, Condition, Model, Symbols
 from mofit.parameters import Parameter
 from mofit.quantities import title_of

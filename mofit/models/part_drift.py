@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 
-from mofit.models.effect import Scaling, base_and_effects
+from mofit.models.effect import Scaling
+from mofit.models.extended_model import base_and_effects
 from mofit.models.model import TIME, Applied, Apply, Condition, Equations, Model, Symbols
 from mofit.parameters import Parameter, powers
 

@@ -10,9 +10,11 @@ import casadi as ca
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.models.black_box import Simulator
 from mofit.models.black_box_system import BlackBoxSystem
-from mofit.models.effect import Effect, ExtendedModel, base_and_effects, rate_of
+from mofit.models.effect import Effect
+from mofit.models.extended_model import ExtendedModel, base_and_effects, rate_of
 from mofit.models.lookup_tables import written_out
 from mofit.models.model import Applied, Apply, Equations, Model, Symbols
+from mofit.models.own_names import as_written
 from mofit.models.users_code import users_code
 from mofit.models.vector_form import System
 from mofit.parameters import ParameterSpace
@@ -123,7 +125,7 @@ def _guarded(effect: Effect) -> Apply:
     """The effect's function, with the line where it fails."""
 
     def apply(symbols: Symbols, value: ca.SX) -> Applied:
-        with users_code(f"effect '{effect.name}'", "apply()", "Correct the effect", _file(effect.apply)):
+        with users_code(f"effect '{effect.name}'", "apply()", "Correct the effect", _file(as_written(effect).apply)):
             return effect.apply(symbols, value)
 
     return apply

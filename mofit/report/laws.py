@@ -133,7 +133,7 @@ def _choice(found: dict[str, Any]) -> Table:
 
     def cell(law: dict[str, Any], name: str) -> str:
         value = law["log_evidence"].get(name)
-        return "–" if value is None else number(value, 3) if abs(value) < 1e5 else f"{value:.0e}"
+        return "–" if value is None else number(value, 3)
 
     return Table(
         [

@@ -76,6 +76,7 @@ def test_bad_input_writes_nothing(campaign_file: Path, tmp_path: Path, capsys) -
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_two_at_the_same_moment_both_end_well(campaign_file: Path, tmp_path: Path) -> None:
     """Each in a folder of its own; neither leaves anything beside it."""
     command = [sys.executable, "-m", "mofit", "diagnose", str(campaign_file), "--model", "kelvin_voigt_damper"]

@@ -52,6 +52,7 @@ def test_friction_with_a_law_of_its_own_is_friction_for_the_most_part() -> None:
     assert found.next_experiment is None
 
 
+@pytest.mark.slow
 def test_a_law_that_misses_is_not_certain() -> None:
     conclusion = stribeck().conclusion
     (friction,) = conclusion.families

@@ -101,6 +101,7 @@ def test_a_law_that_is_wrong_at_large_strokes_fails_without_them() -> None:
     assert group.low <= true_share(group.hold_outs, clean) <= group.high
 
 
+@pytest.mark.slow
 def test_the_share_on_records_held_out_is_the_one_measured_there() -> None:
     found, (campaign, clean) = found_in(SINH), stiffening(SINH)
     assert found.shrinkage is not None
@@ -159,6 +160,7 @@ def campaign_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_terminal_json_and_page_tell_one_story(campaign_file: Path, tmp_path: Path, capsys) -> None:
     options = ["diagnose", str(campaign_file), "--model", MODEL, "--jobs", "1", "--hold-out", "chirp"]
     options += [part for name in NAMES for part in ("--effects", name)]

@@ -59,3 +59,15 @@ def test_starts_that_cannot_be_evaluated_are_told() -> None:
 
     with pytest.raises(InputError):
         best_minimum(fails, START, RefineSettings(), 0.0)
+
+
+def test_derivatives_of_any_size_are_no_error() -> None:
+    """Two parameters that do the same, as steeply as a diverging integration has it."""
+
+    def steep(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        residual = 1e20 * (points.sum(axis=1) - 0.5)
+        gradient = 1e20 * residual[:, None] * np.ones(2)
+        return FLOOR + 0.5 * residual**2, gradient, np.full((len(points), 2, 2), 1e40)
+
+    found = best_minimum(steep, START, RefineSettings(max_iterations=9), FLOOR)
+    assert np.isfinite(found.value)

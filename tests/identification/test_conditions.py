@@ -166,6 +166,22 @@ def test_what_cannot_be_used_is_refused(files, options, message, tmp_path, capsy
     assert not (tmp_path / "run").exists()
 
 
+def test_a_diagnosis_names_the_law_that_is_missing_and_the_load_where_the_gap_lies(files, tmp_path, capsys):
+    given = [*map(str, files[::2]), "--model", "kelvin_voigt_damper", "--over", "vertical_force", "--law", "c=constant"]
+    assert main(["diagnose", *given, "--jobs", "1", "--out", str(tmp_path / "page")]) == 0
+    found = json.loads((tmp_path / "page" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert found["verdict"] == "effect"
+    (effect,) = found["effects"]
+    assert effect["name"] == "law:c/vertical_force"
+    assert effect["size_low"] < 0.3 < effect["size_high"]
+    low, middle, high = found["where"]["conditions"]
+    assert (low["value"], middle["value"], high["value"]) == LOADS
+    assert middle["gap"] < 0.5 * min(low["gap"], high["gap"])  # a law leaves nothing at the middle
+    assert "vertical_force" in capsys.readouterr().out
+    page = (tmp_path / "page" / "diagnosis.html").read_text(encoding="utf-8")
+    assert "The gap is largest under a vertical force of 4" in page
+
+
 @pytest.mark.slow
 def test_a_diagnosis_with_laws_finds_no_gap(files, tmp_path):
     given = [*map(str, files[::2]), "--model", "kelvin_voigt_damper", "--over", "vertical_force", "--effects", "delay"]

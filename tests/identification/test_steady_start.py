@@ -56,6 +56,7 @@ def test_the_start_of_a_record_does_not_bias_the_damping(at_rest: tuple[float, .
     assert len(said) == bool(led)
 
 
+@pytest.mark.slow
 def test_the_result_holds_the_inputs_as_recorded(tmp_path) -> None:
     """Not what acts on the model before."""
     data, settings = campaign(), Settings(evaluations=300, jobs=1, sample=False)

@@ -22,7 +22,7 @@ from mofit.models import (
     find_model,
     with_effects,
 )
-from mofit.models.effect import possible_targets
+from mofit.models.extended_model import possible_targets
 from mofit.parameters import Parameter
 
 

@@ -181,6 +181,17 @@ def test_backlash_is_the_play_operator():
     assert np.max(np.abs(plain - expected)) > 0.04 * np.max(np.abs(expected))
 
 
+def test_a_graded_play_is_the_mean_of_plays():
+    time = np.arange(2000) / 1000
+    x = 0.01 * np.sin(2 * np.pi * time) * np.cos(2 * np.pi * 0.3 * time)
+    values = {"c": 1e3, "p": 0.0, "d": 0.0, "F_0": 0.0, "b_g": 1.5e-3}
+    channels = {"displacement": x, "velocity": np.gradient(x, 1e-3)}
+    arrived = output(extended("kelvin_voigt_damper", "graded_play"), values, channels, 1e-3) / 1e3
+    expected = np.mean([play(x, half) for half in (0.5e-3, 1.5e-3, 2.5e-3)], axis=0)
+    np.testing.assert_allclose(arrived, expected, atol=2e-5)
+    assert np.max(np.abs(x - expected)) > 1e-3
+
+
 def test_backlash_rests_where_a_fast_drive_turns():
     """A state that lags by a tenth of a sampling interval would rest 0.1 mrad early."""
     time = np.arange(400) / 400

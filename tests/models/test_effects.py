@@ -69,7 +69,8 @@ def test_effect_at_points(model, effect, rng):
     largest = 0.0
     for _ in range(3):
         states = {state.name: rng.normal(0, 0.01) for state in extended.states}
-        states["play_free"] = states.get("play_position")  # one trajectory where there is no play
+        for free in [name for name in states if name.endswith("_free")]:  # one trajectory where there is no play
+            states |= dict.fromkeys((name for name in states if name.startswith(free[:-4] + "position")), states[free])
         inputs = list(rng.normal(0, 0.03, len(base.inputs)))
         moves, outputs = changed(neutral, states, inputs)
         base_moves, base_outputs = plain(neutral, states, inputs)
@@ -88,7 +89,7 @@ def test_effect_at_points(model, effect, rng):
             low, high = (np.array([*(rate for rate, _ in m.values()), *y]) for m, y in sides)
             scale = np.max(np.abs(slopes[:, column])) + 1e-9
             # play is there for positive sizes only
-            difference = (high - low) / (2 * nudge) if effect != "backlash" else slopes[:, column]
+            difference = (high - low) / (2 * nudge) if not addition.abrupt else slopes[:, column]
             assert difference == pytest.approx(slopes[:, column], rel=1e-4, abs=1e-4 * scale)
     assert largest > 1e-6
 

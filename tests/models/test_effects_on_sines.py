@@ -18,7 +18,7 @@ CATALOGUE = {
     "dry_friction": 11, "quadratic_damping": 5, "cubic_stiffness": 12, "asymmetric_stiffness": 3, "slip_offset": 75,
     "force_offset": 25, "force_gain": 26, "cornering_stiffness": 31, "friction_level": 48, "carcass_stiffness": 23,
     "speed": 13, "steering_compliance": 79, "load_coupling": 10, "wheel_order": 14, "drum_runout": 6, "drift": 14,
-    "warm_up": 4, "backlash": 25,
+    "warm_up": 4, "backlash": 25, "graded_play": 25,
 }  # fmt: skip
 ON_TYRES = [name for name in effect_names() if incompatibility(find_effect(name), find_model("maxwell_tyre")) is None]
 #: integration steps per sample; the washout of a mass is stiff
@@ -66,8 +66,8 @@ def test_effect_on_the_nine_sines(name):
     kink = model.effects[0][1] in ("slip_angle", "longitudinal_velocity")
     finer = simulator(model, nine_sines(), STEP, effect.size, steps=16) if kink else run
     neutral = {**TABLE_5, **effect.neutral}
-    # backlash is there for positive sizes only, and to one side first order at best
-    one_sided = name == "backlash"
+    # play is there for positive sizes only, and to one side first order at best
+    one_sided = effect.abrupt
     nudge = 1e-3 * effect.typical
     sets = [neutral, TABLE_5]
     for parameter in effect.size:

@@ -42,6 +42,7 @@ def test_the_test_is_not_used_and_predicted_as_the_command_does(campaign_file, t
     assert list(tree["held_out/tests"].children) == ["2Hz"]
 
 
+@pytest.mark.slow
 def test_terminal_json_and_report_tell_of_it(campaign_file, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = ["--hold-out", "2Hz", "--no-sample", "--jobs", "1", "--evaluations", "200"]

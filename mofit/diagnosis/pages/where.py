@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from mofit.diagnosis.pages.residuals import AFTER, BEFORE, residual_figures
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
+from mofit.quantities import title_of
 from mofit.report.toolkit.axes import heat_map
 from mofit.report.toolkit.blocks import Block, Column, Figure, Section, Table, Text, badge, words
 from mofit.report.toolkit.description import keyed, test_of
@@ -44,12 +45,35 @@ def where_section(data: Mapping[str, Any]) -> Section:
             "or, without a period, what past inputs do not predict."
         ),
         _tests_table(data["where"], data["residual"]),
+        *_conditions_table(data["where"]),
         _classes_figure(before, after, unit),
         *residual_figures(data["records"]),
         _input_figure(before["input"], data["records"][0], unit),
         _time_figure(before["time"], after["time"], unit),
     ]
     return Section("where", "Where the gap lies", blocks, {"residual_maps": data["residual_maps"]})
+
+
+def _conditions_table(where: Mapping[str, Any]) -> list[Block]:
+    """The gap under every value of the conditions."""
+    entries = where["conditions"]
+    if not entries:
+        return []
+    shown, most = display_unit(where["unit"], [one["gap"] for one in entries]), max(entries, key=lambda one: one["gap"])
+    units = [display_unit(one["unit"], [one["value"]]) for one in entries]
+    values = [f"{number(one['value'] * unit.factor)} {unit.name}" for one, unit in zip(entries, units, strict=True)]
+    return [
+        Text(f"The gap is largest under a {title_of(most['condition'])} of {values[entries.index(most)]}."),
+        Table(
+            [
+                words("Condition", [title_of(one["condition"]) for one in entries]),
+                words("Value", values),
+                Column("Tests", [str(one["tests"]) for one in entries]),
+                Column(shown.label("Gap"), [number(one["gap"] * shown.factor, 3) for one in entries]),
+            ],
+            "Root mean square beyond the noise, without effects.",
+        ),
+    ]
 
 
 def _tests_table(before: Mapping[str, Any], after: Mapping[str, Any]) -> Block:

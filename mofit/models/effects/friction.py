@@ -1,21 +1,15 @@
-"""Friction, hysteresis, damping that is not linear, and play."""
+"""Friction, hysteresis, and damping that is not linear."""
 
 from __future__ import annotations
 
 import casadi as ca
 
 from mofit.models.effect import Addition, Effect
-from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, Applied, Channel, Symbols
+from mofit.models.model import Applied, Channel, Symbols
 from mofit.parameters import Parameter, powers
 
 #: how forces grow with the data, on a tyre with its load, and lengths with those of a damper
 FORCE, STROKE = (("force or vertical_force", 1.0),), powers(displacement=1)
-#: and what is in the unit of the input that a play acts on
-INPUT = (("slip_angle or displacement", 1.0),)
-
-#: time constant with which the state of a play follows its signal, in sampling intervals; it matters only where the
-#: signal turns
-FOLLOWING = 0.1
 
 
 def beside_damper(s: Symbols, value: ca.SX, force: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -155,54 +149,3 @@ class QuadraticDamping(Effect):
         if mobility is None:
             return Applied(value + s.d_2 * s.velocity * ca.fabs(s.velocity))
         return Applied(2 * value / (1 + ca.sqrt(1 + 4 * mobility * s.d_2 * ca.fabs(value))))
-
-
-class Backlash(Effect):
-    r"""What arrives of the input :math:`u` behind a play of plus and minus :math:`b`: the play operator.
-
-    .. math::
-        u' = \max(u - b, \min(w, u + b)), \qquad
-        \epsilon \dot w = u' - w + \tfrac12 \epsilon \dot u \text{ outside } [u - b, u + b]
-
-    that is :math:`w` follows the edge of the play once it is reached, and rests in between; :math:`u' = u` for
-    :math:`b = 0`. With half of the rate of :math:`u` added (of what lags behind it by :math:`\epsilon`, where no rate
-    is measured), it comes to rest where the edge turns, to third order in :math:`\epsilon`. A rate that belongs to the
-    input changes by that of :math:`w`. Fingerprint: odd harmonics and a lag whatever the frequency, worst at small
-    amplitude.
-    """
-
-    name = "backlash"
-    title = "play"
-    family = "play"
-    on = ("slip_angle", "displacement")
-    # 0.03 degrees; half a millimetre
-    parameters = (
-        Parameter(
-            "b_0", TARGET_UNIT, 0.0, 0.01, 5e-4, description="half the width of the play", neutral=0.0, scales=INPUT
-        ),
-    )
-    states = (
-        Channel("play_position", TARGET_UNIT, "where the driven side rests"),
-        Channel("play_free", TARGET_UNIT, "where it would rest without play"),
-    )
-    conditions = (SAMPLE_INTERVAL,)
-
-    def apply(self, s: Symbols, value: ca.SX) -> Applied:
-        """Input behind the play."""
-        position, free, measured = s.play_position, s.play_free, s.target_rate
-        following = FOLLOWING * s.sample_interval
-        # max(u - b, min(w, u + b)), written without a tie at b = 0, where its slope by b would be lost
-        # where the input rests without play, it was reached from zero
-        rising = ca.logic_or(position < value, ca.logic_and(position == value, value > 0))
-        arrives = ca.if_else(rising, ca.fmax(position, value - s.b_0), ca.fmin(position, value + s.b_0))
-        free_rate = (value - free) / following
-        ahead = 0.5 * (getattr(s, measured) if measured else free_rate)
-        if measured:  # one trajectory with the position where there is no play
-            free_rate += ahead
-        rate = (arrives - position) / following + ca.if_else(ca.fabs(value - position) < s.b_0, 0, ahead)
-        return Applied(
-            arrives,
-            derivatives={"play_position": rate, "play_free": free_rate},
-            initial={"play_position": value, "play_free": value},
-            inputs={measured: getattr(s, measured) + rate - free_rate} if measured else {},
-        )

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mofit.models import Model, Record, Simulator
-from mofit.models.effect import ExtendedModel
+from mofit.models.extended_model import ExtendedModel
 from mofit.simulation.evaluation import Evaluation, Executor, Task
 from mofit.simulation.evaluation.differences import Step
 from mofit.simulation.evaluation.in_process import InProcess, OneOfMany, evaluate_many

@@ -26,7 +26,8 @@ from mofit.problem import build_problem
 def predictions(found: Diagnosis, model: str, records: Campaign) -> dict[str, Any]:
     """Outputs of the records by the fitted models, without effects and with the best ones.
 
-    Records of the campaign's kind begin as its tests do: at rest, or once the rig has settled.
+    What each test has of its own is neutral in them. Records of the campaign's kind begin as its tests do: at rest, or
+    once the rig has settled.
     """
     pairs = {"without": found.attribution.baseline, "with": found.attribution.best.fitted}
     return {
@@ -38,8 +39,10 @@ def predictions(found: Diagnosis, model: str, records: Campaign) -> dict[str, An
 
 def _outputs(fitted: Fitted, model: str, records: Campaign) -> list[Any]:
     extended = with_effects(find_model(model), *fitted.hypothesis.effects)
-    leads = _leads(fitted, records)
-    problem = build_problem(extended, records, space=ParameterSpace(()), fixed=fitted.values, leads=leads)
+    leads, names = _leads(fitted, records), [one.name for one in extended.parameters]
+    neutral = {name: value for effect in fitted.hypothesis.effects for name, value in effect.neutral.items()}
+    fixed = neutral | {name: value for name, value in fitted.values.items() if name in names}
+    problem = build_problem(extended, records, space=ParameterSpace(()), fixed=fixed, leads=leads)
     return [one[0, :, 0] for one in problem.simulate(np.empty((1, 0)))]
 
 
