@@ -179,7 +179,7 @@ def compare(
     calibrated = {name for each in sources for name in each.source.calibrated}
     shown = tuple(required) or tuple(name for name in names if name not in calibrated) or names
     data: dict[int, ExpectedData] = {}
-    rows, without = [], []
+    rows, without = list[ExperimentResult](), list[str]()
     for number, experiment in enumerate(experiments):
         progress("compare", number, len(experiments), experiment.name)
         known = sources[experiment.source]
