@@ -122,8 +122,8 @@ def _diagnosed(
     settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")
     baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
-    observed = baseline.hypothesis.observed
-    first = investigate(baseline, chosen, rules, progress)
+    first = investigate(baseline, chosen, rules, settings.seed, progress)
+    observed = first.found.baseline.hypothesis.observed
     case, ending = _graded(first, observed, chosen, records, settings.seed, progress)
     found, conclusion = ending.found, ending.conclusion
     proposed = _proposed(first, case, ending, settings.seed, progress)

@@ -263,10 +263,14 @@ def _without_false_noise(found: Fitted, seed: int) -> Fitted:
 def with_own_noise(found: Fitted, seed: int) -> Fitted:
     """The baseline fitted again with the noise that it leaves of records that do not repeat."""
     for _ in range(_NOISE_ROUNDS if found.hypothesis.observed.predicted_only.any() else 0):
-        simulated = [outputs[0] for outputs, _ in found.hypothesis.outputs(found.minimum.point[None])]
-        observed = with_noise_beside_prediction(found.hypothesis.observed, simulated)
-        found = fit_baseline(observed, found.minimum.point, seed)
+        found = fit_baseline(with_noise_of(found), found.minimum.point, seed)
     return found
+
+
+def with_noise_of(found: Fitted) -> WhitenedData:
+    """The tests with the noise that a fit leaves of records that do not repeat."""
+    simulated = [outputs[0] for outputs, _ in found.hypothesis.outputs(found.minimum.point[None])]
+    return with_noise_beside_prediction(found.hypothesis.observed, simulated)
 
 
 def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:

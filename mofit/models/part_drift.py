@@ -1,4 +1,4 @@
-"""The drift of a part of a model over the campaign: of a force that it announces, or of a parameter."""
+"""The drift of a part of a model over the campaign: of a force that it announces, of a parameter, or of the output."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from mofit.parameters import Parameter, powers
 
 #: what the name of such an effect begins with
 DRIFT_PREFIX = "drift:"
+#: the part that stands for the first output
+OUTPUT = "output"
 #: announced quantities that are a part's force, or stand for it
 _PARTS = ("carcass_force", "spring_force", "maxwell_force", "damper_force", "hysteretic_force", "slip_stiffness")
 
@@ -22,8 +24,8 @@ class PartDrift(Scaling):
 
     The part changes at the rate :math:`k` as the campaign begins, and ends :math:`k \tau` off: an oil that warms, a
     rubber that softens; linear in time where :math:`\tau` is long. ``find_effect("drift:spring_force")`` is this effect
-    on the spring force, ``drift:k`` on the parameter ``k``. Fingerprint: follows the run order, on the lines that the
-    part's own force is on.
+    on the spring force, ``drift:k`` on the parameter ``k``, ``drift:output`` on the first output. Fingerprint: follows
+    the run order, on the lines that the part's own force is on.
     """
 
     family = "drift"
@@ -32,7 +34,7 @@ class PartDrift(Scaling):
 
     def __init__(self, part: str) -> None:
         self.name, self.on = DRIFT_PREFIX + part, (part,)
-        self.title = f"drift of the {part.replace('_', ' ')}" if part in _PARTS else f"drift of {part}"
+        self.title = f"drift of the {part.replace('_', ' ')}" if part in (*_PARTS, OUTPUT) else f"drift of {part}"
         self._rate, self._time = f"drift_{part}", f"drift_time_{part}"
         self.parameters = (
             Parameter(
@@ -65,9 +67,10 @@ class PartDrift(Scaling):
 
 
 def drifts_of(model: Model) -> tuple[str, ...]:
-    """Names of the drifts that a model may have: of every part that it announces, and of what belongs to none.
+    """Names of the drifts that a model may have: of its parts, of what belongs to none, and of the output as a whole.
 
-    That is of parameters that keep their sign; a relative change of another means nothing where it is zero.
+    Parts are forces that it announces. What belongs to none are parameters that keep their sign; a relative change of
+    another means nothing where it is zero.
     """
     base, _ = base_and_effects(model)
     symbols, _ = _evaluated(base)
@@ -76,7 +79,7 @@ def drifts_of(model: Model) -> tuple[str, ...]:
     others = [
         one.name for one in base.parameters if one.lower >= 0 and not _depends(forces, getattr(symbols, one.name))
     ]
-    return tuple(DRIFT_PREFIX + name for name in (*parts, *others))
+    return tuple(DRIFT_PREFIX + name for name in (*parts, *others, OUTPUT))
 
 
 def _moves(model: Model, part: str) -> bool:

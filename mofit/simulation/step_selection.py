@@ -86,21 +86,26 @@ class StepSelection:
         probe, p = self._probe(), sample_box(lower, upper, self.settings)
         stiffness = probe.stiffness(p)
         rate = stiffness(p)
-        explicit, implicit = (self._typical(*needed) for needed in self._needed(p, rate))
-        rules = [_rule(rate, explicit[:, t], implicit[:, t], self.settings) for t in range(explicit.shape[1])]
+        found = self._needed(p, rate)
+        explicit, implicit = (self._typical(*needed) for needed in found)
+        otherwise = self._else(any(bool(kinks.any()) for _, kinks in found))
+        rules = [_rule(rate, explicit[:, t], implicit[:, t], otherwise) for t in range(explicit.shape[1])]
         return dict(zip(probe.origins, rules, strict=True)), stiffness
 
     def _measure(self, sets: bytes, count: int) -> dict[ExperimentData, StepChoice]:
         """The cheapest sufficient level of every parameter set."""
         (explicit, kinked), (implicit, more) = self._needed(np.frombuffer(sets).reshape(count, -1))
-        settings = self.settings
-        # at kinks every step more helps
-        otherwise = np.where(kinked | more, settings.implicit[-1], settings.unresolved)
+        # a test hides by chance what the others show
+        otherwise = [self._else(bool(np.any(kinks))) for kinks in kinked | more]
         levels = [
-            [settings.cheapest(one, other, int(rest)) for one, other, rest in zip(*columns, strict=True)]
-            for columns in zip(explicit.T, implicit.T, otherwise.T, strict=True)
+            [self.settings.cheapest(one, other, rest) for one, other, rest in zip(*columns, otherwise, strict=True)]
+            for columns in zip(explicit.T, implicit.T, strict=True)
         ]
         return dict(zip(self._probe().origins, map(StepChoice.of, levels), strict=True))
+
+    def _else(self, kinked: bool) -> int:
+        """Implicit steps where no level is enough: at kinks every step more helps."""
+        return self.settings.implicit[-1] if kinked else self.settings.unresolved
 
     def _typical(self, needed: FloatArray, kinked: NDArray[np.bool_]) -> FloatArray:
         """The steps that sets need on each test, (N, T), where kinks ask for them no more than usual."""
@@ -143,8 +148,9 @@ def sample_box(lower: FloatArray, upper: FloatArray, settings: StepSettings) -> 
     return np.clip(values, lower, upper)
 
 
-def _rule(rate: FloatArray, explicit: FloatArray, implicit: FloatArray, settings: StepSettings) -> StepRule:
-    """The rule of a test from stiffness and needed steps of a sample, each (N,)."""
+def _rule(rate: FloatArray, explicit: FloatArray, implicit: FloatArray, otherwise: int) -> StepRule:
+    """The rule of a test from stiffness and needed steps of a sample, each (N,); ``otherwise`` if none is resolved."""
+    settings = StepSelection.settings
     unresolved = ~np.isfinite(explicit) & ~np.isfinite(implicit)
     order = np.argsort(rate[~unresolved], kind="stable")
     rate, explicit, implicit = (values[~unresolved][order] for values in (rate, explicit, implicit))
@@ -162,7 +168,8 @@ def _rule(rate: FloatArray, explicit: FloatArray, implicit: FloatArray, settings
             levels.append(level)
             limits.append(float(rate[i]))
     # stiffer than all of the sample: the L-stable method with as many steps as any of it needed
+    if not limits:
+        return StepRule((StepLevel(RODAS4, otherwise),))
     most = float(np.max(implicit[np.isfinite(implicit)], initial=settings.unresolved))
-    if limits:
-        limits[-1] *= settings.beyond
+    limits[-1] *= settings.beyond
     return StepRule((*levels, settings.cheapest(np.inf, most, settings.implicit[-1])), tuple(limits))

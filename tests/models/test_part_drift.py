@@ -47,9 +47,14 @@ def test_a_parameter_drifts_too() -> None:
     assert force(0.01, 1e7, 10.0, 0.0, "k_2") == pytest.approx(0.5 * (100.0 + 10.0 * 1.1) + 1.0)
 
 
+def test_the_output_as_a_whole_drifts_too() -> None:
+    change = 0.01 * 20.0 * (1 - np.exp(-30.0 / 20.0))
+    assert force(0.01, 20.0, 25.0, 5.0, "output") == pytest.approx((0.5 * 110.0 + 1.0) * (1 + change))
+
+
 def test_a_model_has_a_drift_per_part_and_of_positive_parameters_that_belong_to_none() -> None:
-    assert drifts_of(TwoSprings()) == ("drift:spring_force", "drift:k_2")
-    assert drifts_of(find_model("kelvin_voigt_damper")) == ("drift:spring_force", "drift:damper_force")
+    assert drifts_of(TwoSprings()) == ("drift:spring_force", "drift:k_2", "drift:output")
+    assert drifts_of(find_model("kelvin_voigt_damper")) == ("drift:spring_force", "drift:damper_force", "drift:output")
     assert {"drift:carcass_force", "drift:slip_stiffness"} < {*drifts_of(find_model("maxwell_tyre"))}
     included = with_effects(find_model("oscillator"), find_effect("delay"))
     assert drifts_of(included) == drifts_of(find_model("oscillator"))
