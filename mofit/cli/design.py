@@ -12,16 +12,20 @@ from cyclopts import Parameter
 from mofit.cli.app import (
     DONE,
     NOT_IDENTIFIABLE,
+    Dask,
     Effects,
     Force,
     Jobs,
     Json,
     Seed,
+    Simulations,
     TimeLimit,
+    Timeout,
     app,
     by_name,
     cores,
     print_json,
+    seconds,
     tests_by_name,
 )
 from mofit.cli.time_limit import time_limit as ended_in
@@ -73,6 +77,9 @@ def compare(
     posterior: int = 0,
     out: Page = None,
     force: Force = False,
+    simulations: Simulations = None,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -105,7 +112,8 @@ def compare(
         with progress_bar() as progress, ended_in(time_limit):
             found = compared(
                 *files, model=model, effects=effect, parameters=parameter, groups=groups, at=values, run=run,
-                samples=samples, posterior=posterior, seed=seed, jobs=threads, progress=progress,
+                samples=samples, posterior=posterior, seed=seed, jobs=threads, simulations=simulations,
+                timeout=seconds("--timeout", timeout), dask=dask, progress=progress,
             )  # fmt: skip
         summary = comparison_summary(found)
         if out is not None:
@@ -140,6 +148,9 @@ def design(
     plan: Path | None = None,
     out: Page = None,
     force: Force = False,
+    simulations: Simulations = None,
+    timeout: Timeout = None,
+    dask: Dask = None,
     time_limit: TimeLimit = None,
     seed: Seed = 0,
     jobs: Jobs = None,
@@ -185,7 +196,8 @@ def design(
                 file, space=space, model=model, effects=effect, parameters=parameter, criterion=criterion,
                 combination=weights, discriminate=discriminate, budget=budget, robust=robust,
                 ignore_existing_tests=ignore_existing_tests, at=values, run=run, samples=samples, seed=seed,
-                jobs=threads, progress=progress,
+                jobs=threads, simulations=simulations, timeout=seconds("--timeout", timeout), dask=dask,
+                progress=progress,
             )  # fmt: skip
         summary = design_summary(proposal)
         if plan is not None:

@@ -37,6 +37,8 @@ class AugmentationSettings:
 
 
 SETTINGS = AugmentationSettings()
+#: Tests that are tried, at most: sines, a chirp and a step of each amplitude.
+CANDIDATES = len(SETTINGS.amplitudes) * (SETTINGS.frequencies + 2)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
-from mofit.experimental_design.augmentation import cheapest_augmentation
+from mofit.experimental_design.augmentation import CANDIDATES, cheapest_augmentation
 from mofit.experimental_design.comparison_result import (
     Comparison,
     ExperimentResult,
@@ -38,8 +38,9 @@ from mofit.experimental_design.identifiability import (
     relative_size,
 )
 from mofit.experimental_design.information import SourceInformation
-from mofit.experimental_design.prepare import Inputs, prepare
+from mofit.experimental_design.prepare import Inputs, prepare, with_simulators
 from mofit.experimental_design.simulated_identification import simulated_campaign, simulated_estimates
+from mofit.experimental_design.simulations_needed import kept_for_later, simulations_needed
 from mofit.experimental_design.sources import Source
 from mofit.experimental_design.text import share_sentence, verdict_sentence
 from mofit.identification.settings import Settings
@@ -47,6 +48,11 @@ from mofit.runtime.progress import Progress, silent
 
 #: Name of the experiment of all tests of a file.
 ALL = "all"
+#: What is said of experiments whose profiles the limit of simulations left out.
+NO_PROFILES = (
+    "too few simulations were left for profiles: verdicts rest on the slopes at the reference values alone. "
+    "Allow more (--simulations), or name one experiment with --group."
+)
 #: Duration that experiments of different lengths are compared at [s].
 _MINUTE = 60
 
@@ -82,11 +88,23 @@ def compare_files(
         raise InputError.of(f"--posterior {posterior}", "is below 0", "Give a number of experiments")
     groups = groups or {}
     progress("read", 0, len(inputs.files), "")
+    with with_simulators(inputs) as counted:
+        return _compared(counted, required, groups, posterior, progress)
+
+
+def _compared(
+    inputs: Inputs, required: Sequence[str], groups: Mapping[str, Sequence[str]], posterior: int, progress: Progress
+) -> Comparison:
+    """The steps of a comparison, in order."""
     named = tuple(dict.fromkeys(test for tests in groups.values() for test in tests))
     prepared = prepare(inputs, named)
     experiments = experiments_of([each.source for each in prepared], groups)
-    sources = [each.information() for each in prepared]
-    found = compare(sources, experiments, required, jobs=inputs.jobs, progress=progress)
+    model = prepared[0].source.model
+    later = posterior * max(len(row.tests) for row in experiments)
+    later += CANDIDATES + simulations_needed(model, CANDIDATES, 1) if required else 0
+    with kept_for_later(model, later):
+        sources = [each.information() for each in prepared]
+        found = compare(sources, experiments, required, jobs=inputs.jobs, progress=progress)
     augmentations = {}
     for name in found.not_identifiable:
         best = found.best(name).experiment
@@ -95,7 +113,7 @@ def compare_files(
         found.experiments,
         key=lambda row: float(np.mean([np.log(own.relative_sd) for own in row.parameters.values()])),
     )
-    simulated, settings = {}, Settings(seed=inputs.seed, jobs=inputs.jobs)
+    simulated, settings = {}, Settings(seed=inputs.seed, jobs=inputs.jobs, simulations=inputs.simulations)
     for number, row in enumerate(ranked[:posterior]):
         name, tests, known = row.experiment.name, row.experiment.tests, sources[row.experiment.source]
         progress("posterior", number, posterior, name)
@@ -161,7 +179,7 @@ def compare(
     calibrated = {name for each in sources for name in each.source.calibrated}
     shown = tuple(required) or tuple(name for name in names if name not in calibrated) or names
     data: dict[int, ExpectedData] = {}
-    rows = []
+    rows, without = list[ExperimentResult](), list[str]()
     for number, experiment in enumerate(experiments):
         progress("compare", number, len(experiments), experiment.name)
         known = sources[experiment.source]
@@ -171,11 +189,14 @@ def compare(
         if doubtful and np.isfinite(found.sd[0]).all():
             if experiment.source not in data:
                 data[experiment.source] = expected_data(known, jobs)
-            profiles = [*expected_profiles(data[experiment.source], experiment.tests, found)]
+            traced = expected_profiles(data[experiment.source], experiment.tests, found)
+            without += [experiment.name] if traced is None else []
+            profiles = profiles if traced is None else [*traced]
         rows.append(_result(known, experiment, found, shown, profiles))
     shares = tuple(_shares(sources[e.source], e, shown) for e in experiments if len(e.tests) > 1)
     notes = [note for each in sources for note in each.source.notes]
     notes += [share_sentence(each, k, name) for each in shares for k, name in enumerate(shown)]
+    notes += [f"{', '.join(without)}: {NO_PROFILES}"] if without else []
     return Comparison(shown, tuple(required), tuple(sources), tuple(rows), shares, tuple(dict.fromkeys(notes)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mofit.data import Campaign
@@ -12,9 +12,10 @@ from mofit.experimental_design.candidate_space import Space, default_space, read
 from mofit.experimental_design.candidates import candidates, declared_limits, driven_input
 from mofit.experimental_design.criteria import Criterion, Discrimination, discrimination, parameter_criterion
 from mofit.experimental_design.optimal_design import Design, DesignEvaluation, optimal_design
-from mofit.experimental_design.prepare import Inputs, Prepared, prepare
+from mofit.experimental_design.prepare import Inputs, Prepared, prepare, with_simulators
+from mofit.experimental_design.simulations_needed import require_simulations
 from mofit.experimental_design.sources import Source
-from mofit.models import Model, find_effect
+from mofit.models import Effect, Model, find_effect
 from mofit.runtime.files import write_text
 from mofit.runtime.output_file import PLAN_MARK
 from mofit.runtime.progress import Progress, silent
@@ -71,6 +72,12 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     effects = tuple(find_effect(name) for name in job.discriminate)
     progress("read", 0, 0, "")
     written = read_space(job.space) if job.space else None
+    with with_simulators(job.inputs) as inputs:
+        return _designed(replace(job, inputs=inputs), written, effects, progress)
+
+
+def _designed(job: DesignJob, written: Space | None, effects: Sequence[Effect], progress: Progress) -> Proposal:
+    """The steps of a design, in order."""
     (prepared,) = prepare(job.inputs, competing=effects)
     source, base = prepared.source, prepared.plan
     if written is None:
@@ -92,6 +99,8 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     else:
         name = job.criterion or ("c" if job.combination or len(job.parameters) == 1 else "D")
         criterion = parameter_criterion(name, every, names, job.combination, job.robust)
+    allowed = sum(not candidate.infeasible for candidate in offered)
+    require_simulations(source.model, len(source.tests) + allowed, len(prepared.samples), planned=allowed)
     evaluation = DesignEvaluation(prepared.information(), criterion, job.ignore_existing, prepared.jobs)
     found = optimal_design(evaluation, offered, limits, names, budget, progress)
     return Proposal(

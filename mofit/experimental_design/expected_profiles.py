@@ -14,6 +14,8 @@ from mofit._typing import FloatArray
 from mofit.experimental_design.identifiability import BOX_SD, Identifiability, identifiability
 from mofit.experimental_design.information import SourceInformation
 from mofit.experimental_design.sensitivity import Sensitivity
+from mofit.experimental_design.simulations_needed import refused
+from mofit.identification.descents import COSTLY
 from mofit.models import build_system
 from mofit.optimize import profile
 from mofit.parameters import ParameterLayout, ParameterSpace
@@ -33,9 +35,13 @@ class ProfileSettings:
     """Standard deviations on each side over which a well-known parameter is profiled."""
     calibrated: float = 6.0
     """Standard deviations of the calibrated parameters that the simulations cover."""
+    costly_grid: int = 9
+    """Values per parameter of a user's simulator."""
 
 
 SETTINGS = ProfileSettings()
+#: Minimisations of a user's simulator: 1e-3 nats are invisible beside the rise, and its noise hides less.
+_COSTLY = replace(COSTLY, gradient_tolerance=np.inf, decrease_tolerance=1e-3)
 #: Width of a Gaussian's profile interval in its standard deviations.
 INTERVAL_WIDTH = 2 * float(np.sqrt(2 * SETTINGS.rise))
 
@@ -126,14 +132,21 @@ def _exact(experiment: ExperimentData, outputs: Sequence[FloatArray]) -> Experim
     return replace(experiment, measured=measured)
 
 
-def expected_profiles(data: ExpectedData, tests: Sequence[str], found: Identifiability) -> list[ProfileInterval]:
+def expected_profiles(data: ExpectedData, tests: Sequence[str], found: Identifiability) -> list[ProfileInterval] | None:
     """Profiles of all parameters (those of calibration stages narrowly) from some of the tests.
 
-    The tests are named, of the main identification; their local identifiability was found beforehand.
+    The tests are named, of the main identification; their local identifiability was found beforehand. None where the
+    simulations that a user's simulator is allowed did not suffice.
     """
-    centre, space = data.information.unit[0], data.information.source.space
-    width = np.where(found.sd[0] < BOX_SD / 4, found.sd[0], 1.0)
-    traced = profile(data.posterior(tests), centre, width, SETTINGS.grid, reach=SETTINGS.reach)
+    centre, source = data.information.unit[0], data.information.source
+    space, width = source.space, np.where(found.sd[0] < BOX_SD / 4, found.sd[0], 1.0)
+    posterior, before = data.posterior(tests), refused(source.model)
+    if posterior.problem.main.evaluations is None:
+        traced = profile(posterior, centre, width, SETTINGS.grid, reach=SETTINGS.reach)
+    else:
+        traced = profile(posterior, centre, width, SETTINGS.costly_grid, SETTINGS.reach, _COSTLY)
+    if refused(source.model) > before:  # a simulation that was not made excludes nothing
+        return None
     return [
         profile_interval(space.subset([name]), traced.grid[k], traced.neg_log_posterior[k], centre[k])
         for k, name in enumerate(space.names)

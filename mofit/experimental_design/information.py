@@ -23,6 +23,7 @@ from mofit.data import Experiment
 from mofit.experimental_design.noise_model import ChannelNoise
 from mofit.experimental_design.planned_tests import DesignTest, groups, planned_tests
 from mofit.experimental_design.sensitivity import TOLERANCE, Sensitivity, sensitivities
+from mofit.experimental_design.simulations_needed import require_simulations
 from mofit.experimental_design.sources import Source
 from mofit.models import Model, build_system
 
@@ -68,7 +69,13 @@ def information(
         Threads, on which results do not depend; tolerance of the integration, relative to the outputs' range.
     keep
         Whether the sensitivities of the main tests are kept.
+
+    Raises
+    ------
+    InputError
+        If a user's simulator may take more simulations than are left.
     """
+    require_simulations(model, len(tests), len(samples))
     names = [parameter.name for parameter in model.parameters]
     every = groups(model)
     shape = (len(tests), len(samples), len(every), 2, len(names), len(names))

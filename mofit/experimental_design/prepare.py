@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +17,12 @@ from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_
 from mofit.experimental_design.criteria import with_neutral
 from mofit.experimental_design.information import SourceInformation, source_information
 from mofit.experimental_design.sources import Source, measured_source, planned_source
-from mofit.identification.settings import is_seed
+from mofit.identification.settings import SIMULATIONS, is_seed
 from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
 from mofit.parameters import PER_CAMPAIGN, ParameterSpace
 from mofit.results import open_result
+from mofit.simulation.evaluation.evaluations import evaluations_of, simulator_of, with_evaluations
+from mofit.simulation.evaluation.executors import TIMEOUT, evaluated_in
 from mofit.simulation.ranges import with_parameters
 from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan, read_plan
 
@@ -50,14 +53,44 @@ class Inputs:
     seed: int = 0
     jobs: int = 1
     """Seed of every random draw; threads."""
+    simulations: int | None = None
+    timeout: float | None = None
+    dask: str | None = None
+    """Of a user's simulator: most simulations (by default `SIMULATIONS`), seconds that one may take, and a cluster that
+    they run on."""
+    simulators: Mapping[str, Model] = field(default_factory=dict)
+    """Users' simulators by name, whose simulations count; see `with_simulators`."""
 
     def __post_init__(self) -> None:
         checks = [
             ("samples", 1 <= self.samples <= MOST_SAMPLES, f"Give 1 to {MOST_SAMPLES}"),
             ("seed", is_seed(self.seed), "Give a whole number, 0 or more"),
             ("jobs", self.jobs >= 1, "Give at least 1"),
+            ("simulations", self.simulations is None or self.simulations >= 1, "Give at least 1"),
+            ("timeout", self.timeout is None or self.timeout > 0, "Give more than 0 s"),
         ]
         check_settings("design", self, checks)
+
+
+@contextmanager
+def with_simulators(inputs: Inputs) -> Iterator[Inputs]:
+    """The inputs; within the block the simulations of users' simulators that they name count, in other processes.
+
+    Raises
+    ------
+    InputError
+        If there is no such model or plan.
+    """
+    plans = [] if inputs.model else [path for path in inputs.files if path.suffix == ".toml"]
+    names = dict.fromkeys([inputs.model] if inputs.model else [read_plan(path).model for path in plans])
+    limit = SIMULATIONS if inputs.simulations is None else inputs.simulations
+    found = {name: with_evaluations(find_model(name), limit) for name in names}
+    found = {name: model for name, model in found.items() if simulator_of(model)}
+    with ExitStack() as stack:
+        for model in found.values():
+            timeout = TIMEOUT if inputs.timeout is None else inputs.timeout
+            stack.enter_context(evaluated_in(evaluations_of(model), inputs.jobs, timeout, inputs.dask))
+        yield replace(inputs, simulators=found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +172,7 @@ def _prepared(
     named: Sequence[str],
     competing: Sequence[Effect],
 ) -> Prepared:
-    base = _base_model(content, inputs.model)
+    base = _base_model(content, inputs)
     model, notes = _one_value_each(with_effects(base, *(find_effect(name) for name in inputs.effects), *competing))
     if isinstance(content, Plan):
         source = planned_source(name, content, model, named, inputs.jobs)
@@ -167,12 +200,12 @@ def _one_value_each(model: Model) -> tuple[Model, list[str]]:
     return with_parameters(model, parameters), [note]
 
 
-def _base_model(content: Plan | Campaign, name: str | None) -> Model:
+def _base_model(content: Plan | Campaign, inputs: Inputs) -> Model:
     """The model named, else that of the plan or of the campaign's channels."""
+    name = inputs.model or (content.model if isinstance(content, Plan) else None)
     if name is not None:
-        return find_model(name)
-    if isinstance(content, Plan):
-        return find_model(content.model)
+        return inputs.simulators.get(name) or find_model(name)
+    assert isinstance(content, Campaign)
     return default_model({name for m in content.measurements for name in (*m.experiment.inputs, *m.outputs)})
 
 

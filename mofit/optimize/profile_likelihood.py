@@ -51,7 +51,12 @@ class Profile:
 
 
 def profile(
-    problem: Smooth, minimum_point: ArrayLike, sd: ArrayLike, points: int = POINTS, reach: float = REACH
+    problem: Smooth,
+    minimum_point: ArrayLike,
+    sd: ArrayLike,
+    points: int = POINTS,
+    reach: float = REACH,
+    settings: RefineSettings = _SETTINGS,
 ) -> Profile:
     r"""Profile the negative log posterior over every parameter.
 
@@ -73,6 +78,8 @@ def profile(
         Grid points per parameter, P.
     reach
         r, standard deviations to either side.
+    settings
+        Of the minimisations.
 
     References
     ----------
@@ -95,7 +102,7 @@ def profile(
             np.where(free[:, :, None] & free[:, None], hessian, 0.0) + decoupled,
         )
 
-    found = minimise_each(others, _starts(centre, hessian[0], grid), _SETTINGS)
+    found = minimise_each(others, _starts(centre, hessian[0], grid), settings)
     shape = grid.shape
     return Profile(
         found.points.reshape(*shape, -1), found.values.reshape(shape) - value[0], found.converged.reshape(shape)

@@ -28,6 +28,9 @@ def compare(
     posterior: int = 0,
     seed: int = 0,
     jobs: int = 1,
+    simulations: int | None = None,
+    timeout: float | None = None,
+    dask: str | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
     """Compare experiments before anything is measured: the expected uncertainty of each parameter, and why.
@@ -48,6 +51,9 @@ def compare(
         Number of parameter samples; number of experiments whose simulated data are identified.
     seed, jobs
         Seed of every random draw; threads.
+    simulations, timeout, dask
+        Of a simulator of your own: most simulations, 2000 by default; seconds that one may take, 60 by default; the
+        address of a Dask scheduler whose workers make them.
     progress
         Called as ``progress(stage, done, total, note)``.
 
@@ -67,7 +73,7 @@ def compare(
 
     inputs = Inputs(
         tuple(map(Path, files)), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed,
-        jobs,
+        jobs, simulations, timeout, dask,
     )  # fmt: skip
     found = compare_files(inputs, as_names(parameters), groups or {}, posterior, listener(progress))
     return ShownComparison.of(found)
@@ -91,6 +97,9 @@ def design(
     samples: int = 8,
     seed: int = 0,
     jobs: int = 1,
+    simulations: int | None = None,
+    timeout: float | None = None,
+    dask: str | None = None,
     progress: Progress | None = None,
 ) -> Proposal:
     """Find the next tests: the most informative on parameters, or between effects, in the time there is.
@@ -103,7 +112,7 @@ def design(
         Design space (TOML), see docs/design.md; by default the range that the tests of the file cover.
     parameters, criterion, combination, discriminate, budget, robust, ignore_existing_tests
         As the options of ``mofit design``.
-    model, effects, at, run, samples, seed, jobs, progress
+    model, effects, at, run, samples, seed, jobs, simulations, timeout, dask, progress
         As for `compare`.
 
     Returns
@@ -121,8 +130,9 @@ def design(
     from mofit.workflows.shown_experiments import ShownProposal
 
     inputs = Inputs(
-        (Path(file),), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed, jobs
-    )
+        (Path(file),), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed, jobs,
+        simulations, timeout, dask,
+    )  # fmt: skip
     job = DesignJob(
         inputs, None if space is None else Path(space), as_names(parameters), criterion, combination or {},
         as_names(discriminate), budget, robust, ignore_existing_tests,

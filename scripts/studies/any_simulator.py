@@ -4,38 +4,45 @@
 
 Functions around scipy's solve_ivp (`scripts/studies/any_simulator_cases.py`) are identified beside models with the same
 equations in CasADi: a damper on four simulated sines, two tanks and a battery cell at nine charge states, measured by
-others. Of each parameter the posterior means are compared, in standard deviations, and these. One simulation is one
-record at one parameter set; they are bounded as stated. The error of the emulator is that of its log posterior at
-fresh draws. A slow function (0.2 s per record) goes through the whole of `mofit identify` in two processes. Calibration
-takes a quick function on campaigns whose parameters are drawn from the prior (Talts et al. 2018) and counts how often a
-90 % interval contains the truth. Rows that the work folder holds already are kept.
+others. Of each parameter the posterior means are compared, in standard deviations, and these: of all modes, each with
+its probability, since two identifications may part a curved posterior into modes in different places. One simulation is
+one record at one parameter set; they are bounded as stated. The error of the emulator is that of its log posterior at
+fresh draws. A slow function (0.2 s per record) goes through the whole of `mofit identify` in two processes, and again
+on two workers of a Dask cluster, one of which is killed on the way. Calibration takes a quick function on campaigns
+whose parameters are drawn from the prior (Talts et al. 2018) and counts how often a 90 % interval contains the truth.
+Rows that the work folder holds already are kept.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import signal
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
+import mofit
 from any_simulator_cases import OpenCircuit
 from calibration_cases import draw_campaign
-from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
-from mofit.identification.stages import find_modes
 from mofit.models import Model, find_model, with_effects
 from mofit.results import simulations
+from posterior_draws import draws
 from records_cases import battery, tanks
 from report_page import ROOT, header, made_with, table, write_page
 
 SIMULATORS = ROOT / "scripts" / "studies" / "any_simulator_cases.py"
 #: campaign of the damper
 NUMBER = 3
+#: seconds after which a worker of the cluster is killed: the search is on its way
+KILLED = 20.0
 #: largest shift of a mean that is asked for, in standard deviations
 ASKED = 0.02
 #: half of a 90 % interval lies between these quantiles
@@ -72,6 +79,10 @@ BESIDE: dict[str, Callable[[Path], tuple[Campaign, Model, Model, int]]] = {
 }
 
 
+#: The other rows.
+OTHERS = ("slow", "cluster", "calibration")
+
+
 def kept(row: Path, make: Callable[[], dict]) -> dict:
     """A row from its file, made where there is none."""
     if not row.exists():
@@ -79,32 +90,20 @@ def kept(row: Path, make: Callable[[], dict]) -> dict:
     return json.loads(row.read_text(encoding="utf-8"))
 
 
-def draws(campaign: Campaign, model: Model, settings: Settings) -> tuple[FloatArray, dict]:
-    """Draws of the best mode in unit coordinates, and what they took."""
-    began = time.perf_counter()
-    best, *others = find_modes(campaign, model, settings)
-    problem, chains = best.sampled.problem.main, best.chains
-    found = {"seconds": time.perf_counter() - began, "converged": chains.converged, "modes": 1 + len(others)}
-    if problem.evaluations is not None:
-        check = best.emulator
-        found |= {"simulations": problem.evaluations.count, "error": check.error, "trained": check.trained}
-    return chains.thinned().points.reshape(-1, len(problem.space)), {**found, "names": list(problem.space.names)}
-
-
 def beside(name: str, data: Path) -> dict:
     """A function beside a model with equations."""
     campaign, model, function, limit = BESIDE[name](data)
     settings = Settings(seed=0, jobs=1, simulations=limit)
-    (here, ours), (there, equations) = (draws(campaign, one, settings) for one in (function, model))
-    order = [ours["names"].index(name) for name in equations["names"]]
-    here, sd = here[:, order], there.std(axis=0)
+    here, there = (draws(campaign, one, settings) for one in (function, model))
+    order = [here.names.index(name) for name in there.names]
     return {
-        **ours,
+        **here.about,
         "limit": limit,
-        "names": equations["names"],
-        "shift": ((here.mean(axis=0) - there.mean(axis=0)) / sd).tolist(),
-        "ratio": (here.std(axis=0) / sd).tolist(),
-        "seconds_of_equations": equations["seconds"],
+        "names": there.names,
+        "shift": ((here.mean[order] - there.mean) / there.sd).tolist(),
+        "ratio": (here.sd[order] / there.sd).tolist(),
+        "modes_of_equations": there.about["modes"],
+        "seconds_of_equations": there.about["seconds"],
     }
 
 
@@ -128,11 +127,43 @@ def slow(work: Path) -> dict:
     }
 
 
+def cluster(work: Path) -> dict:
+    """The same on two Dask workers, one of which is killed."""
+    from distributed import Client, LocalCluster
+
+    alone = mofit.open(work / kept(work / "slow.json", lambda: slow(work))["folder"])
+    _, _, _, campaign, _ = draw_campaign("one mode", "white", NUMBER)
+    with (
+        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as workers,
+        Client(workers.scheduler_address, set_as_default=False) as client,
+    ):
+        before = client.run(os.getpid)
+        killing = threading.Timer(KILLED, os.kill, (next(iter(before.values())), signal.SIGKILL))
+        killing.start()
+        began = time.perf_counter()
+        settings = Settings(jobs=1, dask=workers.scheduler_address)
+        _, tree = identify(campaign, simulator("slow"), settings, out=work / "cluster_run")
+        killing.join()
+        seconds, after = time.perf_counter() - began, client.run(os.getpid)
+    here, there = (one["modes/m1"].dataset for one in (tree, alone))
+    found, expected = simulations(tree), simulations(alone)
+    assert found is not None
+    assert expected is not None
+    columns = ("value", "mean", "sd", "q05", "q95")
+    return {
+        "seconds": seconds,
+        "simulations": found["count"],
+        "killed": sorted(before.values()) != sorted(after.values()),
+        "same": found["count"] == expected["count"]
+        and all(np.array_equal(here[column].values, there[column].values) for column in columns),
+    }
+
+
 def covered(number: int) -> dict:
     """One campaign of the calibration: where the truth lies among the draws."""
     _, unit, _, campaign, _ = draw_campaign("one mode", "white", number)
-    points, found = draws(campaign, simulator("quick"), Settings(seed=number, jobs=1))
-    return {**found, "place": np.mean(points < unit, axis=0).tolist()}
+    found = draws(campaign, simulator("quick"), Settings(seed=number, jobs=1))
+    return {**found.about, "names": found.names, "place": found.below(unit).tolist()}
 
 
 def beside_table(rows: dict[str, dict]) -> list[str]:
@@ -192,7 +223,7 @@ def main() -> None:
     arguments = parser.parse_args()
     work = arguments.work
     work.mkdir(parents=True, exist_ok=True)
-    wanted = arguments.only or [*BESIDE, "slow", "calibration"]
+    wanted = arguments.only or [*BESIDE, *OTHERS]
     rows = {
         name: kept(work / f"{name}.json", lambda name=name: beside(name, arguments.data))
         for name in BESIDE
@@ -209,10 +240,17 @@ def main() -> None:
             f"emulator errs by {row['error']:.2g} nats, and the truth of {row['inside']} of {row['parameters']} "
             "parameters lies in its 90 % interval.", "",
         ]  # fmt: skip
+    if "cluster" in wanted:
+        row = kept(work / "cluster.json", lambda: cluster(work))
+        lines += [
+            f"On two Dask workers, one of which {'was' if row['killed'] else 'was not'} killed {KILLED:g} s after the "
+            f"beginning: {row['simulations']} simulations, {row['seconds']:.0f} s; estimates and quantiles are "
+            f"{'the same to the last digit' if row['same'] else 'NOT the same'}.", "",
+        ]  # fmt: skip
     if "calibration" in wanted:
         numbers = range(arguments.campaigns)
         lines += coverage_table([kept(work / f"calibration-{k}.json", lambda k=k: covered(k)) for k in numbers])
-    if left_out := [name for name in (*BESIDE, "slow", "calibration") if name not in wanted]:
+    if left_out := [name for name in (*BESIDE, *OTHERS) if name not in wanted]:
         lines += [f"Not run for this page: {', '.join(left_out)}.", ""]
     write_page("any_simulator", lines)
 

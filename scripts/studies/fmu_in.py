@@ -9,9 +9,11 @@ identifies them by the FMU with at most 600 simulations, one record each (Talts 
 90 % interval contains the truth. On the first campaigns the same is done by the equations in CasADi, with the same
 seed, and the posterior means are compared, in standard deviations. There, too, other programs minimise the squares of
 the residuals that FMPy's simulate_fmu gives from the middle of the ranges: least_squares of scipy and pyPESTO with
-scipy's L-BFGS-B, both with differences. PythonFMU's FMU has its inputs a sample ahead there: what simulate_fmu records
-behind a step follows the inputs before it. mofit's own carries them on by their derivatives. One simulation is one
-record, everywhere. Rows that the work folder holds already are kept.
+scipy's L-BFGS-B, both with differences. What simulate_fmu records behind a step follows the inputs that it set before
+it: PythonFMU's FMU has them a sample ahead there. mofit's own carries them on by their derivatives, and is given those
+of a cubic spline; without them it holds the velocity, which is a sample late then. The first period of a test does not
+count, for any of them: mofit takes it for the transient. One simulation is one record, everywhere. Rows that the work
+folder holds already are kept.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from any_simulator import INTERVAL, kept
 from mofit._typing import FloatArray
@@ -64,6 +67,13 @@ force = { variable = "force", unit = "N" }
 k = { variable = "k", unit = "N/m", lower = 100, upper = 10000, scale = "log" }
 d = { variable = "d", unit = "N s/m", lower = 5, upper = 500, scale = "log" }
 """
+#: Inputs of both FMUs as simulate_fmu gets them: the displacement and its derivatives, as far as they are offered.
+DRIVEN = {
+    "pythonfmu": ("displacement", "velocity"),
+    "exported": ("displacement", "velocity", "der(displacement,2)", "der(displacement,3)", "der(displacement,4)"),
+}
+#: Share of a sampling interval by which they are looked up behind a sample.
+AFTER = 1e-9
 FMUS = {"pythonfmu": "PythonFMU", "exported": "mofit export"}
 PEERS: dict[str, Callable[..., FloatArray]] = {"scipy + fmpy": by_scipy, "pyPESTO + fmpy": by_pypesto}
 
@@ -159,10 +169,12 @@ def by_peer(peer: str, kind: str, number: int, work: Path) -> dict[str, Any]:
     fmu = fmpy.instantiate_fmu(folder, description, "CoSimulation")
     drives = []
     for test in tests:
-        table_ = np.zeros(len(test.time), dtype=[(name, float) for name in ("time", "displacement", "velocity")])
+        curve = CubicSpline(test.time, test.channel("displacement"))
+        table_ = np.zeros(len(test.time), dtype=[(name, float) for name in ("time", *DRIVEN[kind])])
         table_["time"] = test.time - (test.experiment.step if kind == "pythonfmu" else 0.0)
-        table_["displacement"] = test.channel("displacement")
-        table_["velocity"] = np.gradient(test.channel("displacement"), test.time, edge_order=2)
+        for order, name in enumerate(DRIVEN[kind]):
+            # the third derivative jumps at samples: that of the step that follows
+            table_[name] = curve(np.minimum(test.time + AFTER * test.experiment.step, test.time[-1]), order)
         drives.append(table_)
 
     def residuals(unit: FloatArray) -> FloatArray:
@@ -177,7 +189,7 @@ def by_peer(peer: str, kind: str, number: int, work: Path) -> dict[str, Any]:
             )  # fmt: skip
             count += 1
             fmu.reset()
-            parts.append((found["force"] - test.channel("force"))[1:] / np.ptp(test.channel("force")))
+            parts.append((found["force"] - test.channel("force"))[SAMPLES:] / np.ptp(test.channel("force")))
         return np.concatenate(parts)
 
     began = time.perf_counter()

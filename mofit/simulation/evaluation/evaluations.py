@@ -139,9 +139,9 @@ def evaluations_of(model: Model) -> Evaluations | None:
 
 
 def with_evaluations(model: Model, limit: int | None, executor: Executor | None = None) -> Model:
-    """A model whose simulations begin to count anew; one that has equations is returned as it is."""
+    """A model whose simulations begin to count anew, and run where they ran; of equations the model as it is."""
     box = simulator_of(model)
     if box is None:
         return model
-    fresh = box.with_shared(Evaluations, Evaluations(box, limit, executor))
+    fresh = box.with_shared(Evaluations, Evaluations(box, limit, executor or box.once(Evaluations).executor))
     return ExtendedModel(fresh, model.effects) if isinstance(model, ExtendedModel) else fresh
