@@ -64,6 +64,7 @@ def test_additions_of_at_most_two_files_are_shown() -> None:
     assert all(len(changed_files(diff)) == 2 for diff in ADDITIONS.values())
 
 
+@pytest.mark.slow
 def test_their_tests_pass(extended: Path) -> None:
     tests = [name for diff in ADDITIONS.values() for name in changed_files(diff) if name.startswith("tests/")]
     run(extended, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
@@ -78,6 +79,7 @@ def test_they_keep_to_style_and_layers(extended: Path) -> None:
     assert circles(imports) == circles(all_imports())
 
 
+@pytest.mark.slow
 def test_the_figure_is_on_the_report(extended: Path) -> None:
     script = """
         import sys

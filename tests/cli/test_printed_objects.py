@@ -56,6 +56,7 @@ def printed(tmp_path, monkeypatch, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_every_object_fits_its_published_schema(printed, tmp_path):
     (tmp_path / "rigs").mkdir()
     code, found = printed("simulate", "plan.toml", "--out", "rigs/a.nc")

@@ -92,6 +92,7 @@ def test_two_at_the_same_moment_both_end_well(campaign_file: Path, tmp_path: Pat
         assert sorted(path.name for path in folder.iterdir()) == ["diagnosis.html", "diagnosis.json"]
 
 
+@pytest.mark.slow
 def test_values_per_test_on_the_command_line(tmp_path: Path, capsys) -> None:
     write_campaign(damper_with_offsets(), tmp_path / "offsets.nc")
     arguments = ["diagnose", str(tmp_path / "offsets.nc"), "--model", "kelvin_voigt_damper", "--json", "--jobs", "1"]

@@ -59,6 +59,7 @@ def test_estimates_are_as_far_off_as_they_say() -> None:
     assert 0.7 < np.sqrt(np.mean(np.square(final))) < 1.35
 
 
+@pytest.mark.slow
 def test_reported_sizes_and_shares_are_those_of_one_fit() -> None:
     """Friction of 100 N, and beside it what no model knows."""
     campaign = disturbed(3, (("dry_friction", (("F_d", 100.0),)),))

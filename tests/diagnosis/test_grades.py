@@ -62,6 +62,7 @@ def test_a_law_that_misses_is_not_certain() -> None:
     assert certain.probability > 0.99
 
 
+@pytest.mark.slow
 def test_json_and_page_say_what_is_left_and_where() -> None:
     found = summary(stribeck())
     assert found["verdict"] == "partly"

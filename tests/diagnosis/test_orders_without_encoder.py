@@ -27,6 +27,7 @@ def test_without_an_effect_there_is_none(seed: int) -> None:
     assert diagnosed(seed=seed).conclusion.verdict == "none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name", "amplitude", "others"),
     [("wheel", "wheel_order", 20.0, "A_w"), ("drum", "drum_runout", 0.015, "m_d")],

@@ -39,7 +39,10 @@ def chirp(amplitude: float, widths: tuple[float, ...], rng: np.random.Generator)
 
 @pytest.mark.parametrize(
     ("name", "widths"),
-    [("backlash", (WIDTH,)), ("graded_play", (0.25 * WIDTH, 0.7 * WIDTH, WIDTH, 2 * WIDTH))],
+    [
+        ("backlash", (WIDTH,)),
+        pytest.param("graded_play", (0.25 * WIDTH, 0.7 * WIDTH, WIDTH, 2 * WIDTH), marks=pytest.mark.slow),
+    ],
 )
 def test_a_play_is_named_and_no_damping_in_its_place(name: str, widths: tuple[float, ...]) -> None:
     rng = np.random.default_rng(5)

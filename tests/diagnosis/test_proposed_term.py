@@ -68,6 +68,7 @@ def test_a_stop_is_found_where_it_stands() -> None:
     assert found.removed > 0.98
 
 
+@pytest.mark.slow
 def test_a_memory_is_found_with_its_time_constant() -> None:
     found = of_damper("memory of speed")
     assert only_title(found) == "the magnitude of velocity behind a lag"
@@ -88,6 +89,7 @@ def test_newtons_and_kilonewtons_give_the_same() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 5, 7, 9])
 def test_a_gain_that_walks_at_random_is_refused(seed: int) -> None:
     found = learnt(strangers.damper(strangers.random_walk(0.05, seed)))

@@ -95,6 +95,7 @@ def test_rows_of_coloured_noise_are_white() -> None:
         assert np.mean(band**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / len(band)))
 
 
+@pytest.mark.slow
 def test_friction_under_coloured_noise_is_a_gap_and_named() -> None:
     data = campaign(1, 0.9, extra=4.0)
     assert past_inputs(data) < 1e-6

@@ -28,7 +28,8 @@ def test_a_cell_without_its_branch():
     (effect,) = found.conclusion.effects
     assert effect.name == "relaxation"
     assert effect.parameters["tau_r"] == pytest.approx(TAU, rel=0.05)
-    assert effect.size_low <= BRANCH / (SERIES + BRANCH) <= effect.size_high
+    # 3.3 standard deviations: one seed in a thousand lies beyond
+    assert abs(effect.size - BRANCH / (SERIES + BRANCH)) < effect.size_high - effect.size_low
     assert np.all(np.array(list(found.nrmsd_after.values())) < 1.2 * np.array(list(found.noise_floor.values())))
 
 

@@ -76,6 +76,7 @@ def test_the_lead_is_as_long_as_the_memory_of_the_model(damping: float) -> None:
     assert all(memory / 10 < lead < 2 * memory for lead in leads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_rest", [(), DRIVEN])
 def test_neither_start_is_a_gap(at_rest: tuple[float, ...]) -> None:
     found = diagnose(campaign(at_rest), "oscillator", settings=Settings(evaluations=300, jobs=1))

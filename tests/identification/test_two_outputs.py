@@ -89,6 +89,7 @@ def test_a_test_without_any_output_is_refused_and_an_output_without_a_test_is_to
     assert any("acceleration" in warning for warning in setup.warnings)
 
 
+@pytest.mark.slow
 def test_a_run_carries_all_outputs_to_tree_page_and_table(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path, reference = write_rig(tmp_path, lacking=MIXED)
@@ -118,6 +119,7 @@ def test_a_run_carries_all_outputs_to_tree_page_and_table(tmp_path, capsys, monk
     errors(tree)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_finds_the_output_that_has_the_gap(tmp_path, capsys):
     """A third harmonic in the quiet output, far below the noise of the loud one."""
     _, reference = write_rig(tmp_path)

@@ -27,6 +27,7 @@ def two_tests(u):
     return np.stack([np.hypot(u[:, 0] - c, u[:, 1] - 0.5) for c in (0.2, 0.8)], axis=1)
 
 
+@pytest.mark.slow
 def test_paper_version_reproduces_table_2_on_rastrigin():
     runs = 240
     found, evaluations = [], []

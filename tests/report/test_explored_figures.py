@@ -100,6 +100,7 @@ def test_a_test_that_is_chosen_is_shown_by_all_figures(browser, report) -> None:
         assert len(titles(traces)) > 1
 
 
+@pytest.mark.slow
 def test_a_draw_that_is_clicked_shows_its_signals(browser, report) -> None:
     with opened(browser, report) as page:
         traces, draws = drawn(page, "signals", TRACES), drawn(page, "signals", DRAWS)

@@ -59,6 +59,7 @@ def test_the_frame_holds_the_whole_page_and_fetches_nothing(tree, kind):
     assert {"style", "main"} & {tag for tag, _ in page.seen}
 
 
+@pytest.mark.slow
 def test_a_folder_gives_the_page_that_the_report_would_be_and_nothing_is_written(tree, tmp_path):
     write_result(tree, tmp_path / "run")
     shown = report_page(tmp_path / "run")

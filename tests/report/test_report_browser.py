@@ -52,7 +52,8 @@ def test_the_page_opens_clean(browser, report, width) -> None:
     assert [url for url in requests if not url.startswith("data:")] == [report.as_uri()]
     assert report.stat().st_size < 10e6
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
+    page.wait_for_function("[...document.images].every(image => image.complete)")
+    assert page.evaluate("[...document.images].every(image => image.naturalWidth > 100)")
     page.close()
 
 
