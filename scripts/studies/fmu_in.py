@@ -1,6 +1,6 @@
 """What does mofit make of FMUs that it is given? Writes reports/fmu_in/README.md.
 
-    python scripts/studies/fmu_in.py [--campaigns 100] [--beside 10] [--work FOLDER]
+    python scripts/studies/fmu_in.py [--campaigns 100] [--exported N] [--beside 10] [--work FOLDER]
 
 A spring and a damper in parallel, as an FMU that PythonFMU made (FMI 2.0) and as one that mofit exported (FMI 3.0),
 both for co-simulation with one communication step per sample. Stiffness and damping are drawn from the prior, uniform
@@ -228,14 +228,17 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--campaigns", type=int, default=100)
+    parser.add_argument("--exported", type=int, help="campaigns of the exported FMU; as many by default")
     parser.add_argument("--beside", type=int, default=10)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "fmu_in")
     arguments = parser.parse_args()
     work, beside = arguments.work.resolve(), range(min(arguments.beside, arguments.campaigns))
     work.mkdir(parents=True, exist_ok=True)
+    exported = arguments.campaigns if arguments.exported is None else arguments.exported
+    counts = {kind: exported if kind == "exported" else arguments.campaigns for kind in FMUS}
     made = {
-        kind: [kept(work / f"{kind}-{k}.json", partial(covered, kind, k, work)) for k in range(arguments.campaigns)]
-        for kind in FMUS
+        kind: [kept(work / f"{kind}-{k}.json", partial(covered, kind, k, work)) for k in range(count)]
+        for kind, count in counts.items()
     }
     equations = [kept(work / f"equations-{k}.json", partial(by_equations, k)) for k in beside]
     columns = ("by", "largest shift, sd", "sd ratio", "simulations (median)", "s (median)")
@@ -249,7 +252,8 @@ def main() -> None:
             rows = [kept(work / f"{kind}-{name}-{k}.json", partial(by_peer, peer, kind, k, work)) for k in beside]
             lines.append(beside_line(f"{peer}, FMU of {title}", [row["estimate"] for row in rows], rows, equations))
     lines.append(beside_line("mofit, equations", [row["mean"] for row in equations], equations, equations))
-    command = f"fmu_in.py --campaigns {arguments.campaigns} --beside {len(beside)}"
+    more = "" if arguments.exported is None else f" --exported {exported}"
+    command = f"fmu_in.py --campaigns {arguments.campaigns}{more} --beside {len(beside)}"
     cover = ("FMU by", "campaigns", "truth in the 90 % interval", "standard error if it is 90 %", "simulations",
              "largest error of an emulator, nats", "s (median)")  # fmt: skip
     write_page("fmu_in", [
