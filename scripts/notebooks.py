@@ -6,6 +6,7 @@ Without names all run.
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from pathlib import Path
@@ -22,7 +23,9 @@ def executed(path: Path, folder: Path) -> nbformat.NotebookNode:
     """A notebook with the outputs that its cells give in a folder; a cell that fails raises."""
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(notebook, timeout=TIMEOUT, resources={"metadata": {"path": str(folder)}})
-    return client.execute()
+    # figures show themselves as in any notebook, whatever backend runs this
+    environment = {name: value for name, value in os.environ.items() if name != "MPLBACKEND"}
+    return client.execute(env=environment)
 
 
 def shown(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
