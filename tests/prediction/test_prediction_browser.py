@@ -42,5 +42,6 @@ def test_the_page_opens_clean(page_file, width):
         assert messages == []
         assert [url for url in requests if not url.startswith("data:")] == [page_file.as_uri()]
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert page.evaluate("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
+        page.wait_for_function("[...document.images].every(image => image.complete)")
+        assert page.evaluate("[...document.images].every(image => image.naturalWidth > 100)")
         browser.close()
