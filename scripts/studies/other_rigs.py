@@ -20,7 +20,7 @@ does not stand out even so is not counted. `mofit.diagnose` runs in a process of
 sees neither label nor truth; seconds are its processor time, import, compilation and predictions included.
 
 A play with hysteresis is the mean of three plays. As it and the saturating drift had come out `unknown` (seeds 62 and
-70), the catalogue has a play that engages by and by, and a drift of the output that settles: like them, or the same.
+70), the catalogue has a play of distributed width, and a drift of the output that settles: like them, or the same.
 
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group` and
 `several`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free records that

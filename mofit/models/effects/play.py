@@ -15,7 +15,7 @@ INPUT = (("slip_angle or displacement", 1.0),)
 #: time constant with which the state of a play follows its signal, in sampling intervals; it matters only where the
 #: signal turns
 FOLLOWING = 0.1
-#: half widths of the plays of a joint that engages by and by, relative to their mean
+#: half widths of the plays of a distributed play, relative to their mean
 WIDTHS = (1 / 3, 1.0, 5 / 3)
 
 
@@ -93,7 +93,7 @@ class Backlash(Effect):
 
 
 class GradedPlay(Effect):
-    """What arrives of an input at a joint that engages by and by: the mean of plays of several widths.
+    """What arrives of an input behind a play of distributed width: the mean of plays of several widths.
 
     A Prandtl-Ishlinskii operator with weights that are equal up to twice the mean width, by three plays
     (`behind_plays`). Fingerprint: that of a play, but a hysteresis that narrows gradually towards the turns.
@@ -104,7 +104,7 @@ class GradedPlay(Effect):
     """
 
     name = "graded_play"
-    title = "play that engages by and by (Prandtl-Ishlinskii)"
+    title = "play of distributed width (Prandtl-Ishlinskii)"
     family = "play"
     abrupt = True
     on = ("slip_angle", "displacement")
