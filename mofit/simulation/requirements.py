@@ -9,6 +9,8 @@ from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME, derivations
 
 #: conditions that follow from a test's time axis, see `all_conditions`
 TIME_CONDITIONS = (SAMPLE_INTERVAL.name, RECORD_LENGTH.name, "start_time")
+#: condition that a sine states as its own
+FREQUENCY = "frequency"
 
 
 def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
@@ -96,7 +98,11 @@ def stated_conditions(campaign: Campaign) -> set[str]:
 
 
 def all_conditions(experiment: Experiment) -> dict[str, float]:
-    """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s."""
+    """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s.
+
+    Of a sine that states it, its frequency [Hz], too.
+    """
     start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
+    start |= {} if experiment.frequency is None else {FREQUENCY: experiment.frequency}
     axis = {SAMPLE_INTERVAL.name: experiment.step, RECORD_LENGTH.name: experiment.length}
     return {**axis, **start, **experiment.conditions}
