@@ -15,6 +15,7 @@ PAGES = {
     "interrupted": "robustness/interrupted.md",
     "interval_coverage": "robustness/coverage.md",
     "memory": "robustness/memory.md",
+    "time_temperature": "conditions/time_temperature.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",
 }

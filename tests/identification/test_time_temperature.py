@@ -1,13 +1,11 @@
 """A solid at several temperatures, none of which determines its spectrum alone: its shift factors are recovered."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mofit.cli import main
-from mofit.data import Campaign, write_campaign
+from mofit.data import Campaign
 from mofit.data.dma import sine_tests
 from mofit.identification.conditions import study_conditions
 from mofit.identification.settings import Settings

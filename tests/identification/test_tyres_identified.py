@@ -44,6 +44,32 @@ def test_longitudinal_tyre(rng):
     require_truth(tests, "maxwell_tyre_longitudinal", reference.LONGITUDINAL)
 
 
+def test_self_aligning_torque(rng):
+    """The trail from the torque; the force is that of the tyre without."""
+    time, tests, model = np.arange(200) * STEP, [], find_model("maxwell_tyre_aligning")
+    truth = {**reference.LATERAL, "n_0": 0.035, "s_0": 0.18}
+    for amplitude, frequency in ((0.15, 1.0), (0.04, 2.0), (0.02, 5.0), (0.05, 8.0)):
+        angle = reference.ratio_of(amplitude, frequency)
+        forces = reference.forces({}, time, None, angle)
+        test = reference.measurement(f"{frequency} Hz", time, {"slip_angle": angle}, forces, 10.0, rng)
+        slip = reference.SPEED * np.sin(angle(time)) / (reference.SPEED * np.cos(angle(time)) + 0.01)
+        size = np.maximum(np.abs(slip), 1e-9)
+        curve = [reference.LATERAL[name] for name in ("dF0", "s_M", "F_M")]
+        secant = np.array([reference.tmeasy(one, *curve) for one in size]) / size
+        torque = -forces[1] * tmeasy_trail(np.abs(forces[1] / secant), truth["n_0"], truth["s_0"])
+        outputs = {**test.outputs, "self_aligning_torque": torque + 0.5 * rng.normal(size=len(time))}
+        tests.append(replace(test, outputs=outputs, units={**test.units, "self_aligning_torque": "N m"}))
+    require_truth(tests, model.name, truth)
+
+
+def tmeasy_trail(slip, n_0, s_0):
+    """By Rill, for a slip of at least 0, s_E = 1.75 s_0."""
+    share, weight = slip / s_0, 1 / 1.75
+    falling = (1 - weight) * (1 - share) + weight * (1 - (3 - 2 * share) * share**2)
+    rising = (weight - 1) * (share - 1) * (np.maximum(1.75 - share, 0) / 0.75) ** 2
+    return n_0 * np.where(share <= 1, falling, rising)
+
+
 @pytest.mark.slow
 def test_combined_slip(rng):
     """Both slips at frequencies that have no common period in the record."""
