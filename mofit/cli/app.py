@@ -84,7 +84,7 @@ Laws = Annotated[
     Parameter(
         help="Law of a parameter over the conditions of --over, PARAMETER=LAW, or over one, PARAMETER@CONDITION=LAW: "
         "constant, shared, linear, quadratic, exponential, power, arrhenius, wlf, free; of several by commas the "
-        "evidence chooses, by default of constant, linear, quadratic and free. PARAMETER others: all that are not said; "
+        "evidence chooses, by default of constant, linear, quadratic and free. PARAMETER others: all not said; "
         "repeatable."
     ),
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.data.signals import SignalAnalysis, analyse
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.models import Model
 from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME, derivations
@@ -28,6 +29,16 @@ def undriven(model: Model, experiment: Experiment) -> bool:
 def first_input(model: Model) -> str:
     """Name of the channel that excites the model; it gives a test's period."""
     return derivations(model.inputs)[model.inputs[0].name][0]
+
+
+def analysed(model: Model, measurement: Measurement) -> SignalAnalysis:
+    """Period, transient and noise of a test that has an output of the model; all inputs that the model reads repeat."""
+    output, experiment = measured_outputs(model, measurement)[0], measurement.experiment
+    if undriven(model, experiment):
+        return analyse(measurement, None, output)
+    first, sources = first_input(model), dict.fromkeys(source for source, _ in derivations(model.inputs).values())
+    beside = tuple(name for name in sources if name != first and name in experiment.inputs)
+    return analyse(measurement, first, output, beside)
 
 
 def exciting_channel(model: Model, measurement: Measurement) -> str:
