@@ -52,22 +52,10 @@ def test_self_aligning_torque(rng):
         angle = reference.ratio_of(amplitude, frequency)
         forces = reference.forces({}, time, None, angle)
         test = reference.measurement(f"{frequency} Hz", time, {"slip_angle": angle}, forces, 10.0, rng)
-        slip = reference.SPEED * np.sin(angle(time)) / (reference.SPEED * np.cos(angle(time)) + 0.01)
-        size = np.maximum(np.abs(slip), 1e-9)
-        curve = [reference.LATERAL[name] for name in ("dF0", "s_M", "F_M")]
-        secant = np.array([reference.tmeasy(one, *curve) for one in size]) / size
-        torque = -forces[1] * tmeasy_trail(np.abs(forces[1] / secant), truth["n_0"], truth["s_0"])
+        torque = reference.aligning_torque(forces[1], angle(time), truth["n_0"], truth["s_0"])
         outputs = {**test.outputs, "self_aligning_torque": torque + 0.5 * rng.normal(size=len(time))}
         tests.append(replace(test, outputs=outputs, units={**test.units, "self_aligning_torque": "N m"}))
     require_truth(tests, model.name, truth)
-
-
-def tmeasy_trail(slip, n_0, s_0):
-    """By Rill, for a slip of at least 0, s_E = 1.75 s_0."""
-    share, weight = slip / s_0, 1 / 1.75
-    falling = (1 - weight) * (1 - share) + weight * (1 - (3 - 2 * share) * share**2)
-    rising = (weight - 1) * (share - 1) * (np.maximum(1.75 - share, 0) / 0.75) ** 2
-    return n_0 * np.where(share <= 1, falling, rising)
 
 
 @pytest.mark.slow

@@ -38,12 +38,8 @@ def test_the_torque_is_that_of_the_reference_integration():
     force, torque = run.simulate(point(model, {**reference.LATERAL, **TRAIL}))[0][0].T
     expected = reference.forces({}, TIME, None, steering)[1]
     assert np.max(np.abs(force - expected)) < 2e-5 * np.ptp(expected)
-    slip = reference.SPEED * np.sin(angles) / (reference.SPEED * np.cos(angles) + 0.01)
-    curve = [reference.LATERAL[name] for name in ("dF0", "s_M", "F_M")]
-    secant = [reference.tmeasy(max(abs(s), 1e-9), *curve) / max(abs(s), 1e-9) for s in slip]
-    contact = expected / secant
-    assert np.max(np.abs(contact)) > 1.75 * TRAIL["s_0"] * 0.8  # the trail has turned round
-    moment = -expected * np.array([trail(s) for s in contact])
+    moment = reference.aligning_torque(expected, angles, **TRAIL)
+    assert np.any(moment * expected > 0.001 * np.ptp(moment) * np.ptp(expected))  # the trail has turned round
     assert np.max(np.abs(torque - moment)) < 1e-4 * np.ptp(moment)
     assert np.corrcoef(torque, angles)[0, 1] < 0
 
