@@ -155,6 +155,8 @@ def test_what_follows_no_law_has_a_value_per_load(files, tmp_path):
         (["--over", "vertical_force", "--law", "e=linear"], "no free parameter 'e'"),
         (["--over", "vertical_force", "--law", "c=quadratic"], "needs 3 values"),
         (["--over", "vertical_force", "--law", "c@temperature=linear"], "no condition of --over"),
+        (["--over", "vertical_force", "--law", "others=shared"], "every parameter is shared"),
+        (["--over", "vertical_force", "--law", "c=shared,linear"], "leaves nothing to choose"),
         (["--law", "c=linear"], "without --over"),
         (["--hold-out", "vertical_force=9"], "no test has these conditions"),
     ],

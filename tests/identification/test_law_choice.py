@@ -62,6 +62,33 @@ def test_the_laws_are_recovered():
     assert table["c", "load"]["linear"] == pytest.approx(0, abs=1e-6)
 
 
+def test_shared_parameters_count_once_and_correlate_all_combinations():
+    """Generalised least squares with the whole covariance: F_0 in every combination depends on the shared c."""
+    slopes, inner, shared_variance = np.linspace(-40, 60, len(AT)), np.linspace(1, 4, len(AT)), 4e-4
+    rng, truth = np.random.default_rng(1), 50 + 20 * X
+    error = np.sqrt(shared_variance) * rng.normal()
+    offset = truth + slopes * error + np.sqrt(inner) * rng.normal(size=len(AT))
+    values = np.stack([np.full(len(AT), 1e4 * np.exp(error)), offset], axis=1)
+    precision = np.array([
+        [[k**2 / v + 1 / shared_variance / len(AT), -k / v], [-k / v, 1 / v]]
+        for k, v in zip(slopes, inner, strict=True)
+    ])  # fmt: skip
+    covariance = np.tile(COVARIANCE, (len(AT), 1, 1))
+    own = CellEstimates(
+        PARAMETERS, ("load", "speed"), ("N", "m/s"), AT, values, covariance, ("c",), joint_precision=precision
+    )
+    forms = dict.fromkeys([("c", "load"), ("c", "speed")], "shared")
+    found = fit_laws(own, forms | {("F_0", "load"): "linear", ("F_0", "speed"): "constant"})
+    whole = np.diag(inner) + shared_variance * np.outer(slopes, slopes)
+    design = np.stack([np.ones(len(AT)), X], axis=1)
+    inverse = np.linalg.inv(whole)
+    best = np.linalg.solve(design.T @ inverse @ design, design.T @ inverse @ offset)
+    assert [found.values["F_0"], found.values["F_0_load"]] == pytest.approx(best, rel=1e-3)
+    rest = offset - design @ best
+    assert found.chi_square == pytest.approx(rest @ inverse @ rest, rel=1e-3)
+    assert found.freedom == 1 + len(AT) - 3
+
+
 def test_values_that_follow_no_law_are_free():
     jumps = np.array([1.0, 1.4, 0.7, 1.2, 1.3, 0.8])
     found = choose_laws(cells(1e4 * jumps, 50 * np.ones(len(AT))), candidates("constant", "linear", FREE))
