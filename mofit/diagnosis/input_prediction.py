@@ -238,7 +238,7 @@ def _each_alone(blocks: Sequence[FloatArray]) -> list[FloatArray]:
 
 def _elapsed(w: Whitening, count: int) -> FloatArray:
     """Time of every sample: -1 at the first one used, 1 at the last."""
-    return np.clip(2 * (np.arange(count) - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0)
+    return np.asarray(np.clip(2 * (np.arange(count) - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0))
 
 
 def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whitening]]) -> list[FloatArray] | None:
