@@ -111,9 +111,10 @@ class _Search:
         return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)), failed=failed)
 
     def beyond(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
-        """With refits of the single effects fitted so far from sizes beyond those expected, where these end lower."""
+        """With refits of the promising effects from sizes beyond those expected, where these end lower."""
         known = {one.effects: one for one in self.models if len(one.effects) == 1}
-        farther = [one.farther(_BEYOND) for one in scores if (one.name,) in known]
+        kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
+        farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
         limit, better = self.best.criterion + self.settings.contender, dict[tuple[str, ...], CandidateModel]()
         for one, found in zip(farther, refitted(self.baseline, farther, limit, progress), strict=True):
             model = None if isinstance(found, str) else rated(found, len(self.candidates))
