@@ -191,8 +191,8 @@ def swarm_figure(swarm: Swarm) -> Figure:
             _draw_named(swarm.named, x, y, axes)
         if k < len(shown):
             axes.set_title(f"generation {generation}")
-        if generation != shown[0]:  # the ordinate is the first one's
-            axes.set_ylabel("")
+        if generation != shown[0]:  # the ordinate is the first one's, as long as they stand abreast
+            axes.yaxis.label.set_visible(False)
             axes.tick_params(axis="y", labelleft=False)
     clusters = int(swarm.cluster.max(initial=-1)) + 1
     return panels.figure(

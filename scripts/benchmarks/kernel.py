@@ -40,6 +40,15 @@ PEERS: tuple[Peer, ...] = (
 
 #: Those of them that do the kernel's own steps.
 SAME_STEPS = ("CasADi virtual machine", "CasADi C code, gcc -O3", "JAX (jit, vmap, scan)", "Numba, lanes")
+EXPLAINED = {
+    "fraction of peak": "operations of the steps by the most that the core does (a multiply-add in every lane); of "
+    "those that do the kernel's steps",
+    "fraction of bound": "what multiply-adds and divisions would take, each at its own peak, by what the kernel takes; "
+    "the rest is loads, comparisons, selections and waiting for operands",
+    "one lane": "CasADi's virtual machine and its C code take one set at a time: at most one lane of a register works",
+    "own steps": "solve_ivp, Diffsol and heyoka choose their steps; their operations are not counted",
+    "heyoka": "its series runs across the kinks of |y| and |slip|: that is its cost deviation",
+}
 #: an operation on every chain, a factor and an offset
 Operation = Callable[[Emitter, ir.Value, ir.Value, ir.Value], ir.Value]
 
@@ -173,6 +182,7 @@ def _settings(task: Task, sets: int, peak: Peak) -> dict[str, Any]:
         "peak_fma_per_second": peak.multiply_adds,
         "peak_divisions_per_second": peak.divisions,
         **versions("numpy", "scipy", "casadi", "llvmlite", "jax", "numba", "pydiffsol", "heyoka"),
+        **EXPLAINED,
     }
 
 

@@ -197,6 +197,7 @@ def test_narrow_or_wide_and_in_the_dark(browser, report, width) -> None:
 
 def test_print_and_pages_without_scripts_show_the_pictures(browser, report) -> None:
     with opened(browser, report) as page:
+        page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
         figure = drawn(page, "errors")
         page.emulate_media(media="print")
         assert figure.locator("img").is_visible()
@@ -204,6 +205,7 @@ def test_print_and_pages_without_scripts_show_the_pictures(browser, report) -> N
     with opened(browser, report, java_script_enabled=False) as page:
         assert page.locator("#errors img").is_visible()
         assert page.locator("#choices").is_hidden()
+        page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
 
 
 def test_every_figure_says_what_it_shows_and_every_axis_its_unit(browser, report) -> None:
