@@ -74,5 +74,7 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
         reached = merge(ends, values=lambda u: -problem.log_posterior(u))
         minima, tried = np.stack([minimum.point for minimum in reached]), tried + len(batch)
         undiscovered = expected_undiscovered(tried, len(minima))
-    known = {"expected_undiscovered": undiscovered, "complete": undiscovered <= UNDISCOVERED}
-    return replace(found, **known) if len(rows) > 1 else found, minima
+    complete = undiscovered <= UNDISCOVERED
+    if tried == len(rows) and not complete:  # no start is left: how many basins there are these few do not tell
+        return found, minima
+    return replace(found, expected_undiscovered=undiscovered, complete=complete), minima
