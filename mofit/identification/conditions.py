@@ -214,11 +214,15 @@ def _parameters(model: Model, campaign: Campaign, settings: Settings) -> list[Pa
 
 
 def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Values (P,) at the best minimum, and the covariance (P, P) of their z, see `CellEstimates`."""
+    """Values (P,) at the best minimum, and the covariance (P, P) of their z, see `CellEstimates`.
+
+    The laws take the estimates as normal: the covariance is that of the normal distribution with the posterior's
+    intervals.
+    """
     posterior, minimum = located.posterior, located.minima[0]
     space = posterior.space
     values = space.from_unit(minimum.point)
-    covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).hessian)
+    covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).normal_hessian)
     log = np.array([one.scale == "log" for one in space.parameters])
     width = space.derivative(values) / np.where(log, values, 1.0)
     index = [space.index(one.name) for one in parameters]

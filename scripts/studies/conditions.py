@@ -7,14 +7,15 @@ Simulated: a Maxwell damper under three loads, three pressures and two speeds, i
 conditions_cases.py, which shares no code with mofit. Its parameters follow laws: c is linear in load and pressure, d
 linear in speed, c_M linear in load and speed, d_M quadratic in load and linear in speed, the offset constant. Every
 combination has one multisine of 2 s (0.5 to 7.5 Hz, sampled at 200 Hz: at 50 Hz the velocity from the samples is off by
-enough to bias d) with 20 N of white noise, 1 % of the range. One combination (the middle load at the highest pressure and speed) is left
-out. The laws are chosen by evidence, then identified jointly, as `mofit identify --over --hold-out --no-sample` does
-without its reference fits and report. Intervals and bands are of 90 %, those of the Laplace approximation. Counted are
-the laws chosen; the intervals that hold the true coefficient; at the combination left out the bands that hold the true
-parameter, the samples of the true output within the band by the parameters alone, and the measured samples within the
-band with noise. A mean over seeds has its standard error. Beside it stand the fits of the combinations alone: standard
-deviation, and root mean square error against the truth, of a parameter by the laws relative to that alone. The first
-seeds (--sampled) are sampled with emcee, too. The cost is processor time over the number of loads, laws said.
+enough to bias d) with 20 N of white noise, 1 % of the range. One combination (the middle load at the highest pressure
+and speed) is left out. The laws are chosen by evidence, then identified jointly, as `mofit identify --over --hold-out
+--no-sample` does without its reference fits and report. Intervals and bands are of 90 %, those of the Laplace
+approximation. Counted are the laws chosen; the intervals that hold the true coefficient; at the combination left out
+the bands that hold the true parameter, the samples of the true output within the band by the parameters alone, and the
+measured samples within the band with noise. A mean over seeds has its standard error. Beside it stand the fits of the
+combinations alone: standard deviation, and root mean square error against the truth, of a parameter by the laws
+relative to that alone; and how often their intervals hold the truth. The first seeds (--sampled) are sampled with
+emcee, too. The cost is processor time over the number of loads, laws said.
 
 Measured (--measured): strokes of a magneto-rheological damper at 0 A and 0.5 A (mr_damper_sine) as one campaign over
 current, with one stroke left out at both. Rows that the work folder holds already are kept.
@@ -48,6 +49,7 @@ from conditions_page import page
 from mofit._typing import FloatArray
 from mofit.data import Campaign, import_files, joined
 from mofit.identification.conditions import study_conditions
+from mofit.identification.findings import of_laws
 from mofit.identification.identify import identify
 from mofit.identification.law_study import LawStudy
 from mofit.identification.mode_sampling import sample_modes
@@ -96,6 +98,7 @@ def recovered(seed: int, sample: bool = False) -> dict[str, Any]:
         "left": _held(study, lawful, draws),
         "output": _output(predicted, clean[whole.tests.index(left)]),
         "beside": _beside(study, lawful, draws),
+        "said": [one.text for one in of_laws(study, whole)],
         "chi_square": [study.fit.chi_square, study.fit.freedom],
         "seconds": [studied - began, fitted - studied, time.process_time() - fitted],
     }

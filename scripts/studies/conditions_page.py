@@ -26,6 +26,13 @@ def page(
     held = [abs(one) <= SIGMAS for row in rows for one in row["z"].values()]
     left = [one for row in rows for one in row["left"].values()]
     right = len(LAWS) * len(rows) - sum(len(row["wrong"]) for row in rows)
+    squares = [row["chi_square"] for row in rows]
+    alone = [
+        abs(error) <= SIGMAS * sd
+        for row in rows
+        for own in row["beside"].values()
+        for error, sd in zip(own["error alone"], own["sd alone"], strict=True)
+    ]
     seconds = np.mean([sum(row["seconds"]) for row in rows])
     lines = [
         "## Laws recovered",
@@ -43,6 +50,10 @@ def page(
             [(share(left), *(mean_of([row["output"][key] for row in rows]) for key in ("true", "measured")))],
         ),
         "## Beside the fits of the combinations alone",
+        "",
+        f"Their own intervals hold the truth in {share(alone)}. That they scatter about the laws by more than their errors "
+        f"is said of {sum(bool(row['said']) for row in rows)} of {len(rows)} seeds; chi square is "
+        f"{np.sum(squares, axis=0)[0] / np.sum(squares, axis=0)[1]:.2f} per degree of freedom.",
         "",
         *table(
             ("by the laws, relative to alone", *PARAMETERS),
