@@ -12,6 +12,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.identification.cells import Cell, identify_cells
 from mofit.identification.law_choice import Candidates, alternatives, choose_laws
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
@@ -23,15 +24,11 @@ from mofit.identification.population import (
     populations,
 )
 from mofit.identification.problem_setup import choose_tests
-from mofit.identification.result import Located
 from mofit.identification.settings import Settings, free_space
-from mofit.identification.stages import locate_minima
 from mofit.models import CONSTANT, FORMS, FREE, Law, Model, law_issues
 from mofit.parameters import Parameter
-from mofit.problem import adjusted_posterior
 from mofit.quantities import known_unit
 from mofit.runtime.progress import Progress, silent
-from mofit.sampling import laplace_covariance
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
 
@@ -49,6 +46,9 @@ def study_conditions(
     until: float = math.inf,
 ) -> LawStudy:
     """Identify every combination of the conditions ``settings.over`` alone, and choose the laws.
+
+    With an address ``settings.dask`` the combinations are identified on a cluster, see
+    `mofit.identification.cells.identify_cells`.
 
     Parameters
     ----------
@@ -75,29 +75,25 @@ def study_conditions(
         candidates: Candidates = {}
     else:
         candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
-    alone = replace(settings, over=(), laws={})
-    located, cells = [], []
-    for number, (at, names) in enumerate(groups.items()):
-        here = ", ".join(f"{name} = {value:g}" for name, value in zip(settings.over, at, strict=True))
-        progress("conditions", number, len(groups), here)
-        own = [name for name in names if name in chosen]
-        located.append(locate_minima(campaign.select(names), model, alone, own, until=until))
-        cells.append(_estimates(located[-1], parameters))
-    progress("conditions", len(groups), len(groups), "")
+    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
+    cells = [
+        Cell(_said(settings.over, at), campaign.select(names), own)
+        for (at, names), own in zip(groups.items(), own_tests, strict=True)
+    ]
+    found = identify_cells(cells, model, settings, parameters, progress, until)
     estimates = CellEstimates(
         parameters=tuple(parameters),
         conditions=tuple(settings.over),
         units=tuple(unit_of(campaign, name) for name in settings.over),
         at=np.array(list(groups)),
-        values=np.stack([values for values, _ in cells]),
-        covariance=np.stack([covariance for _, covariance in cells]),
+        values=np.stack([one.values for one in found]),
+        covariance=np.stack([one.covariance for one in found]),
     )
-    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
-    evaluations = sum(one.search.evaluations for one in located)
+    evaluations = sum(one.evaluations for one in found)
     if SPECIMEN in settings.over:
         fit, evidence = choose_populations(estimates, settings.laws)
-        found = populations(estimates), outliers(estimates)
-        return LawStudy(estimates, own_tests, fit, evidence, evaluations, *found)
+        odd = outliers(estimates)
+        return LawStudy(estimates, own_tests, fit, evidence, evaluations, populations(estimates, odd), odd)
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
 
@@ -195,6 +191,10 @@ def unit_of(campaign: Campaign, condition: str) -> str:
     return known_unit(condition) or campaign.units.get(condition, "1")
 
 
+def _said(over: Sequence[str], at: Sequence[float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in zip(over, at, strict=True))
+
+
 def _of_a_stage(model: Model, kind: str) -> bool:
     return any(kind in stage.excitations for stage in model.stages)
 
@@ -211,19 +211,3 @@ def _parameters(model: Model, campaign: Campaign, settings: Settings) -> list[Pa
     """Free parameters of the campaign, with ranges for the data."""
     shared, _ = scoped(free_space(scaled(model, data_scales(model, campaign)), settings))
     return list(shared.parameters)
-
-
-def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Values (P,) at the best minimum, and the covariance (P, P) of their z, see `CellEstimates`.
-
-    The laws take the estimates as normal: the covariance is that of the normal distribution with the posterior's
-    intervals.
-    """
-    posterior, minimum = located.posterior, located.minima[0]
-    space = posterior.space
-    values = space.from_unit(minimum.point)
-    covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).normal_hessian)
-    log = np.array([one.scale == "log" for one in space.parameters])
-    width = space.derivative(values) / np.where(log, values, 1.0)
-    index = [space.index(one.name) for one in parameters]
-    return values[index], (covariance * np.outer(width, width))[np.ix_(index, index)]

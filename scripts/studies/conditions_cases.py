@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import TypeAlias
 
@@ -57,12 +57,14 @@ def true_values(at: Combination) -> dict[str, float]:
     }
 
 
-def simulated(
-    places: Sequence[Combination], rng: np.random.Generator
-) -> tuple[tuple[Measurement, ...], list[FloatArray]]:
-    """One noisy multisine each, by four-stage Runge-Kutta steps, and their forces without noise."""
-    known = {key: np.array([true_values(at)[key] for at in places]) for key in PARAMETERS}
-    phases = rng.uniform(0, 2 * np.pi, (len(places), len(LINES)))
+def driven(
+    known: Mapping[str, FloatArray], rng: np.random.Generator
+) -> tuple[FloatArray, list[FloatArray], list[FloatArray]]:
+    """Time, strokes and forces without noise of dampers with these parameters, by four-stage Runge-Kutta steps.
+
+    Each has a multisine with phases of its own.
+    """
+    phases = rng.uniform(0, 2 * np.pi, (len(known["c"]), len(LINES)))
     omega = 2 * np.pi * np.array(LINES) / SECONDS
     size = 0.01 / np.sqrt(np.arange(1, len(LINES) + 1))
 
@@ -88,10 +90,22 @@ def simulated(
             k3 = rate(now + step / 2, inner + step / 2 * k2)
             k4 = rate(now + step, inner + step * k3)
             inner = inner + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    made, clean = [], list(np.array(forces).T)
-    for at, x, force in zip(places, np.array(strokes).T, clean, strict=True):
+    return axis, list(np.array(strokes).T), list(np.array(forces).T)
+
+
+def simulated(
+    places: Sequence[Combination], rng: np.random.Generator
+) -> tuple[tuple[Measurement, ...], list[FloatArray]]:
+    """One noisy test under each combination, and their forces without noise."""
+    axis, strokes, clean = driven({key: np.array([true_values(at)[key] for at in places]) for key in PARAMETERS}, rng)
+    made = []
+    for at, x, force in zip(places, strokes, clean, strict=True):
         conditions = dict(zip(CONDITIONS, at, strict=True))
-        experiment = Experiment(name_of(at), "free", axis, {"displacement": x}, conditions)
-        noisy = force + NOISE * rng.normal(size=len(axis))
-        made.append(Measurement(experiment, {"force": noisy}, {"displacement": "m", "force": "N"}))
+        made.append(measured(Experiment(name_of(at), "free", axis, {"displacement": x}, conditions), force, rng))
     return tuple(made), clean
+
+
+def measured(experiment: Experiment, force: FloatArray, rng: np.random.Generator) -> Measurement:
+    """A test with a noisy force."""
+    noisy = force + NOISE * rng.normal(size=len(force))
+    return Measurement(experiment, {"force": noisy}, {"displacement": "m", "force": "N"})

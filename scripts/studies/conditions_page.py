@@ -51,8 +51,8 @@ def page(
         ),
         "## Beside the fits of the combinations alone",
         "",
-        f"Their own intervals hold the truth in {share(alone)}. That they scatter about the laws by more than their errors "
-        f"is said of {sum(bool(row['said']) for row in rows)} of {len(rows)} seeds; chi square is "
+        f"Their own intervals hold the truth in {share(alone)}. That they scatter about the laws by more than their "
+        f"errors is said of {sum(bool(row['said']) for row in rows)} of {len(rows)} seeds; chi square is "
         f"{np.sum(squares, axis=0)[0] / np.sum(squares, axis=0)[1]:.2f} per degree of freedom.",
         "",
         *table(

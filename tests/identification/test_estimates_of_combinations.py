@@ -24,7 +24,7 @@ class Line(Model):
 
 
 def test_short_records_scatter_about_a_constant_by_their_covariances():
-    """With 60 samples the noise is not known well: a curvature at the minimum would give standard deviations 12 % less."""
+    """With 60 samples the noise is not known well: by the curvature at the minimum they would be too sure by 12 %."""
     rng, time, tests = np.random.default_rng(0), 0.01 * np.arange(60), []
     for k in range(60):
         x = np.sin(40 * time**2 + k)
