@@ -15,6 +15,7 @@ PAGES = {
     "interrupted": "robustness/interrupted.md",
     "interval_coverage": "robustness/coverage.md",
     "memory": "robustness/memory.md",
+    "specimens": "conditions/specimens.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",
 }
@@ -22,7 +23,7 @@ PAGES = {
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem) for path in SCRIPTS])
 def test_a_study_imports_and_names_its_page_and_its_command(path: Path) -> None:
-    if path.stem == "batch":
+    if path.stem in ("batch", "specimens"):
         pytest.importorskip("distributed")
     if path.stem == "formats":
         pytest.importorskip("asammdf")
