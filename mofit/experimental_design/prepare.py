@@ -12,15 +12,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.data import Campaign, read_campaign
+from mofit.data import Campaign, joined, read_campaign
 from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
 from mofit.experimental_design.criteria import with_neutral
 from mofit.experimental_design.information import SourceInformation, source_information
 from mofit.experimental_design.sources import Source, measured_source, planned_source
 from mofit.identification.settings import SIMULATIONS, is_seed
-from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
+from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects, with_laws
 from mofit.parameters import PER_CAMPAIGN, ParameterSpace
-from mofit.results import open_result
+from mofit.prediction.draws import posterior_draws
+from mofit.results import open_result, parameter_layout
+from mofit.results.export import laws_of_run
 from mofit.simulation.evaluation.evaluations import evaluations_of, simulator_of, with_evaluations
 from mofit.simulation.evaluation.executors import TIMEOUT, evaluated_in
 from mofit.simulation.ranges import with_parameters
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 HALF_WIDTH = 0.15
 #: Parameter samples at most: medians over them do not change any more, and every test is simulated at each.
 MOST_SAMPLES = 10_000
+#: Draws from the Laplace approximation, whose median is the first sample.
+LAPLACE_DRAWS = 1000
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,8 @@ class Inputs:
     at: Mapping[str, float] = field(default_factory=dict)
     """Reference values of parameters by name, in SI units."""
     run: Path | None = None
-    """Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values."""
+    """Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values. The
+    laws of its parameters over conditions become part of the model."""
     samples: int = 16
     """How many parameter samples."""
     seed: int = 0
@@ -60,6 +65,8 @@ class Inputs:
     they run on."""
     simulators: Mapping[str, Model] = field(default_factory=dict)
     """Users' simulators by name, whose simulations count; see `with_simulators`."""
+    together: bool = False
+    """Whether several campaigns count as one, each test under the conditions of its own."""
 
     def __post_init__(self) -> None:
         checks = [
@@ -152,7 +159,7 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
         Issue(f"FILE {stem}", "two files have this name", "Rename one of them")
         for stem in sorted({stem for stem in stems if stems.count(stem) > 1})
     )
-    contents = {path.stem: read_plan(path) if path.suffix == ".toml" else read_campaign(path) for path in inputs.files}
+    contents = _as_one(inputs.files) if inputs.together and len(stems) > 1 else _each(inputs.files)
     run = open_result(inputs.run) if inputs.run is not None else None
     prepared = tuple(_prepared(name, content, run, inputs, named, competing) for name, content in contents.items())
     first = prepared[0].source
@@ -164,6 +171,20 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
     return prepared
 
 
+def _each(files: Sequence[Path]) -> dict[str, Plan | Campaign]:
+    return {path.stem: read_plan(path) if path.suffix == ".toml" else read_campaign(path) for path in files}
+
+
+def _as_one(files: Sequence[Path]) -> dict[str, Plan | Campaign]:
+    raise_errors(
+        Issue(f"FILE {path.name}", "a plan cannot be joined with other files", "Name one plan, or campaigns")
+        for path in files
+        if path.suffix == ".toml"
+    )
+    campaign = joined([read_campaign(path) for path in files], [path.stem for path in files])
+    return {f"{files[0].stem} and {len(files) - 1} more": campaign}
+
+
 def _prepared(
     name: str,
     content: Plan | Campaign,
@@ -173,7 +194,9 @@ def _prepared(
     competing: Sequence[Effect],
 ) -> Prepared:
     base = _base_model(content, inputs)
-    model, notes = _one_value_each(with_effects(base, *(find_effect(name) for name in inputs.effects), *competing))
+    laws = laws_of_run(run) if run is not None else ()
+    extended = with_effects(base, *(find_effect(name) for name in inputs.effects), *competing)
+    model, notes = _one_value_each(with_laws(extended, laws))
     if isinstance(content, Plan):
         source = planned_source(name, content, model, named, inputs.jobs)
     else:
@@ -254,19 +277,23 @@ def posterior_samples(
 ) -> FloatArray:
     """Posterior median and posterior draws (count, d) of a run's best mode; parameters it lacks keep their values.
 
+    Of a run with one mode that was not sampled they are those of the Laplace approximation.
+
     Raises
     ------
     InputError
-        If none of the model's parameters was sampled in the run.
+        If the run knows none of the model's parameters.
     """
     modes = tree["modes"].children
     best = max(modes.values(), key=lambda node: float(node.attrs["probability"]))
     posterior = best.children.get("posterior")
-    draws = {
-        name: np.asarray(posterior[name].values, dtype=float).ravel()
-        for name in space.names
-        if posterior is not None and name in posterior.data_vars
-    }
+    known: Mapping[str, FloatArray] = {}
+    if posterior is not None:
+        known = {str(name): np.asarray(own.values, dtype=float).ravel() for name, own in posterior.data_vars.items()}
+    elif len(modes) == 1:
+        names = parameter_layout(tree).space.names
+        known = dict(zip(names, posterior_draws(tree, LAPLACE_DRAWS, seed).T, strict=True))
+    draws = {name: known[name] for name in space.names if name in known}
     if not draws:
         raise InputError.of("--run", "it holds no posterior of this model's parameters", "Name a run of the same model")
     total = len(next(iter(draws.values())))
