@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.identification.joint_combinations import identified_together, shared_names
 from mofit.identification.law_choice import Candidates, alternatives, choose_laws
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
@@ -26,7 +27,7 @@ from mofit.identification.problem_setup import choose_tests
 from mofit.identification.result import Located
 from mofit.identification.settings import Settings, free_space
 from mofit.identification.stages import locate_minima
-from mofit.models import CONSTANT, FORMS, FREE, Law, Model, law_issues
+from mofit.models import CONSTANT, FORMS, FREE, SHARED, Law, Model, law_issues
 from mofit.parameters import Parameter
 from mofit.problem import adjusted_posterior
 from mofit.quantities import known_unit
@@ -37,6 +38,8 @@ from mofit.simulation.scopes import scoped
 
 #: laws that the evidence chooses from where none is said
 CHOICES = (CONSTANT, "linear", "quadratic", FREE)
+#: name that stands for every parameter whose law is not said
+EVERY = "others"
 
 
 def study_conditions(
@@ -48,7 +51,9 @@ def study_conditions(
     progress: Progress = silent,
     until: float = math.inf,
 ) -> LawStudy:
-    """Identify every combination of the conditions ``settings.over`` alone, and choose the laws.
+    """Identify every combination of the conditions ``settings.over``, and choose the laws.
+
+    Each alone; or all together, where a parameter is said to be shared by them.
 
     Parameters
     ----------
@@ -75,24 +80,25 @@ def study_conditions(
         candidates: Candidates = {}
     else:
         candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
-    alone = replace(settings, over=(), laws={})
-    located, cells = [], []
-    for number, (at, names) in enumerate(groups.items()):
-        here = ", ".join(f"{name} = {value:g}" for name, value in zip(settings.over, at, strict=True))
-        progress("conditions", number, len(groups), here)
-        own = [name for name in names if name in chosen]
-        located.append(locate_minima(campaign.select(names), model, alone, own, until=until))
-        cells.append(_estimates(located[-1], parameters))
-    progress("conditions", len(groups), len(groups), "")
-    estimates = CellEstimates(
+    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
+    blank = CellEstimates(
         parameters=tuple(parameters),
         conditions=tuple(settings.over),
         units=tuple(unit_of(campaign, name) for name in settings.over),
         at=np.array(list(groups)),
-        values=np.stack([values for values, _ in cells]),
-        covariance=np.stack([covariance for _, covariance in cells]),
+        values=np.empty((0, len(parameters))),
+        covariance=np.empty((0, len(parameters), len(parameters))),
+        shared=shared_names(parameters, candidates),
+        wide=tuple({name for (name, _), forms in candidates.items() if any(map(_of_logarithm, forms))}),
     )
-    own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
+    if blank.shared:
+        progress("conditions", 0, 1, f"all {len(groups)} combinations together")
+        used_groups = dict(zip(groups, own_tests, strict=True))
+        estimates, joint = identified_together(campaign.select(used), model, settings, used_groups, blank, until)
+        located = [joint]
+    else:
+        estimates, located = _identified_alone(campaign, model, settings, groups, chosen, blank, progress, until)
+    progress("conditions", len(groups), len(groups), "")
     evaluations = sum(one.search.evaluations for one in located)
     if SPECIMEN in settings.over:
         fit, evidence = choose_populations(estimates, settings.laws)
@@ -100,6 +106,28 @@ def study_conditions(
         return LawStudy(estimates, own_tests, fit, evidence, evaluations, *found)
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
+
+
+def _identified_alone(
+    campaign: Campaign,
+    model: Model,
+    settings: Settings,
+    groups: Mapping[tuple[float, ...], Sequence[str]],
+    chosen: Sequence[str],
+    blank: CellEstimates,
+    progress: Progress,
+    until: float,
+) -> tuple[CellEstimates, list[Located]]:
+    alone = replace(settings, over=(), laws={})
+    located, cells = [], []
+    for number, (at, names) in enumerate(groups.items()):
+        here = ", ".join(f"{name} = {value:g}" for name, value in zip(settings.over, at, strict=True))
+        progress("conditions", number, len(groups), here)
+        own = [name for name in names if name in chosen]
+        located.append(locate_minima(campaign.select(names), model, alone, own, until=until))
+        cells.append(_estimates(located[-1], blank.parameters))
+    values, covariance = (np.stack(part) for part in zip(*cells, strict=True))
+    return replace(blank, values=values, covariance=covariance), located
 
 
 def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
@@ -153,7 +181,7 @@ def law_candidates(
     known = {one.name: one for one in parameters}
     for key, forms in settings.laws.items():
         name, _, condition = key.partition("@")
-        if name not in known:
+        if name not in (EVERY, *known):
             issues.append(Issue(f"--law {key}={forms}", f"no free parameter '{name}'", did_you_mean(name, known)))
         if condition and condition not in settings.over:
             hint = f"--over names {', '.join(settings.over) or 'none'}"
@@ -161,7 +189,9 @@ def law_candidates(
     for one in parameters:
         for k, condition in enumerate(settings.over):
             values = np.unique(at[:, k])
-            said = settings.laws.get(f"{one.name}@{condition}", settings.laws.get(one.name, ""))
+            said = settings.laws.get(
+                f"{one.name}@{condition}", settings.laws.get(one.name, settings.laws.get(EVERY, ""))
+            )
             choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
             found[one.name, condition] = tuple(form for form in choices if said or _determined(form, values, at))
             issues += [
@@ -175,11 +205,15 @@ def _determined(form: str, values: FloatArray, at: FloatArray) -> bool:
     """Whether so many values determine a law; a value for each is one more than a law where there are enough."""
     if form == FREE:
         return len(at) > max(one.values for one in FORMS.values())
-    return form == CONSTANT or len(values) >= FORMS[form].values
+    return form in (CONSTANT, SHARED) or len(values) >= FORMS[form].values
+
+
+def _of_logarithm(form: str) -> bool:
+    return form in FORMS and FORMS[form].of_logarithm
 
 
 def _unsuitable(parameter: Parameter, condition: str, form: str, values: FloatArray, campaign: Campaign) -> list[Issue]:
-    if form in (CONSTANT, FREE):
+    if form in (CONSTANT, SHARED, FREE):
         return []
     low, high = float(values[0]), float(values[-1])
     law = Law(parameter.name, condition, form, (low + high) / 2, (high - low) / 2, unit_of(campaign, condition))

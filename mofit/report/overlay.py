@@ -33,7 +33,7 @@ class Overlay:
     """An output of a test: the samples used in the fit, measured and simulated, SI units; empty where a run has none.
 
     `test` is the name of the test, or ``test / output`` where there are several outputs. `draws` is the output at
-    posterior draws, shape (draws, samples).
+    posterior draws, shape (draws, samples), `fireflies` that at fireflies.
     """
 
     test: str
@@ -52,6 +52,7 @@ class Overlay:
     simulated: FloatArray
     baseline: FloatArray
     draws: FloatArray
+    fireflies: FloatArray
 
     @property
     def loops(self) -> bool:
@@ -100,11 +101,13 @@ class Overlay:
     def summary(self) -> dict[str, Any]:
         """Its fields with quantiles in place of the draws: what a page keeps of it as JSON."""
         low, high = self.quantiles
-        kept = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "draws"}
+        kept = {
+            field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("draws", "fireflies")
+        }
         return kept | {"low": low, "high": high}
 
     def _cut(self, start: int, end: int) -> Overlay:
-        names = ("time", "input", "measured", "simulated", "baseline", "draws")
+        names = ("time", "input", "measured", "simulated", "baseline", "draws", "fireflies")
         return replace(self, **{name: getattr(self, name)[..., start:end] for name in names})
 
 
@@ -156,7 +159,7 @@ def _overlay(run: Run, mode: Mode, index: int, one: Objective) -> Overlay:
         return (values if one.output is None else values[..., one.output])[..., used]
 
     measured = np.asarray(observed.values if one.output is None else observed.values[:, one.output], dtype=float)
-    draws = predicted(mode.node, "posterior_predictive")
+    draws, fireflies = predicted(mode.node, "posterior_predictive"), predicted(run.group("fireflies"))
     return Overlay(
         test=one.name,
         excitation=run.excitations[one.test],
@@ -174,6 +177,7 @@ def _overlay(run: Run, mode: Mode, index: int, one: Objective) -> Overlay:
         simulated=predicted(mode.node),
         baseline=predicted(run.group("baseline")),
         draws=draws.reshape(-1, draws.shape[-1]) if draws.size else np.empty((0, 0)),
+        fireflies=fireflies if fireflies.size else np.empty((0, 0)),
     )
 
 

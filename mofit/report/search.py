@@ -193,7 +193,7 @@ def _front_figure(front: Front) -> Figure:
         "Parallel coordinates of the non-dominated points",
         "Pareto front: points, none of them better than another at every test. Left: the error of each point at each "
         "test. Right: its parameters within the prior box. Dark is better. Draw a box across some lines to keep those "
-        "that run through it.",
+        "that run through it, or move one along the axes with the arrow keys.",
         good="the lines run close together: one set of parameters serves all tests.",
         bad="lines cross between tests on the left and diverge on the right: each test prefers other parameters; the "
         "model lacks something that changes between them.",

@@ -11,14 +11,17 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from mofit._typing import FloatArray
+from mofit.report.points import Points, extract_fireflies
 from mofit.report.run import Run, labels, numbers
 from mofit.report.toolkit.axes import few_ticks
 from mofit.report.toolkit.blocks import Figure
+from mofit.report.toolkit.description import keyed
 from mofit.report.toolkit.figures import BASELINE, MEASURED, MODE_COLOURS, Panels, dot_key, mode_colour
 from mofit.report.toolkit.formatting import parameter_label, percent, whole_percent
 
 #: Pairs of parameters, and generations (the first, one half way, the last), that are shown of the swarm.
 _SHOWN = 3
+_NAMED = "a firefly to choose"
 #: Clusters with a colour of their own.
 _COLOURED = 7
 
@@ -49,6 +52,8 @@ class Swarm:
     cluster: FloatArray
     single: FloatArray
     """Minima of single tests, shape (minimum, parameter)."""
+    named: Points | None
+    """Fireflies of the last generation whose signals the page can show."""
 
 
 def extract_search(run: Run) -> SearchMap | None:
@@ -80,7 +85,13 @@ def extract_swarm(run: Run) -> Swarm | None:
     if node is None or found is None or "generations" not in node.data_vars:
         return None
     of_one_test = np.array([str(test) for test in node["minimises"].to_numpy()]) != ""
-    return Swarm(found, numbers(node, "generations"), numbers(node, "cluster"), found.archived[of_one_test])
+    return Swarm(
+        found,
+        numbers(node, "generations"),
+        numbers(node, "cluster"),
+        found.archived[of_one_test],
+        extract_fireflies(run),
+    )
 
 
 def moved(places: FloatArray) -> list[int]:
@@ -168,22 +179,27 @@ def swarm_figure(swarm: Swarm) -> Figure:
     legend = [dot_key(mode_colour(1), counted), dot_key(BASELINE, "another cluster", size=4)]
     legend += [dot_key(MEASURED, "minimum of a single test", hollow=True, marker="s")]
     legend += [dot_key(mode_colour(k), f"mode {name}", marker="*", size=11) for k, name in enumerate(found.modes)][:3]
+    if swarm.named is not None:
+        legend.append(dot_key(swarm.named.colour, _NAMED, hollow=True, size=8))
     panels = Panels(
         len(shown) * len(chosen), len(shown), 2.3, legend=legend, margin=(0.75, 0.55, 0.15), gap=(0.85, 0.75)
     )
     for k, axes in enumerate(panels.axes):
         (x, y), generation = chosen[k // len(shown)], shown[k % len(shown)]
         _draw_swarm(swarm, x, y, generation, axes)
+        if generation == last and swarm.named is not None:
+            _draw_named(swarm.named, x, y, axes)
         if k < len(shown):
             axes.set_title(f"generation {generation}")
-        if generation != shown[0]:  # the ordinate is the first one's
-            axes.set_ylabel("")
+        if generation != shown[0]:  # the ordinate is the first one's, as long as they stand abreast
+            axes.yaxis.label.set_visible(False)
             axes.tick_params(axis="y", labelleft=False)
     clusters = int(swarm.cluster.max(initial=-1)) + 1
     return panels.figure(
         "Fireflies of three generations over pairs of parameters, coloured by cluster",
         f"The swarm: {swarm.fireflies.shape[1]} fireflies over {last + 1} generations. All points that it evaluated "
-        f"form {clusters} clusters by their mean error; a gradient descent starts from the centre of each.",
+        f"form {clusters} clusters by their mean error; a gradient descent starts from the centre of each."
+        + (" A click on a ring of the last generation shows the signals at that firefly." if swarm.named else ""),
         good="fireflies of one colour gather around a mode, or along the way between the minima of single tests.",
         bad="squares lie far apart: the tests prefer different parameters, so the model lacks something.",
         finding=_gathered(swarm),
@@ -200,6 +216,13 @@ def _gathered(swarm: Swarm) -> str:
         f"From the first to the last generation the middle half of the fireflies came to {whole_percent(ratio)} of its "
         "width (median over the parameters)."
     )
+
+
+def _draw_named(named: Points, x: int, y: int, axes: Axes) -> None:
+    """Rings around the fireflies that lead to their signals."""
+    ring: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 8, "mfc": "none", "mew": 1.4, "label": _NAMED}
+    (rings,) = axes.plot(*named.values[:, [x, y]].T, mec=named.colour, **ring)
+    keyed(rings, firefly=named.names)
 
 
 def _draw_swarm(swarm: Swarm, x: int, y: int, generation: int, axes: Axes) -> None:

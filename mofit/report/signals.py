@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from mofit.report.draws import Draws, curves_on_request, draws_figure, extract_draws
 from mofit.report.overlay import Overlay, by_output, extract_overlays, headed, output_unit
+from mofit.report.points import Points, curves_on_request, draws_figure, extract_draws, extract_fireflies
 from mofit.report.run import SHOWN, Run
 from mofit.report.spectra import extract_spectra, spectra_figure
 from mofit.report.toolkit.axes import few_ticks
@@ -86,7 +86,7 @@ def draw_trace(overlay: Overlay, unit: Unit, small: Unit, axes: Axes, residual: 
 
 
 def _loops_figure(
-    loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str, draws: Draws | None
+    loops: Mapping[str, Sequence[Overlay]], unit: Unit, baseline: str, output: str, offered: Sequence[Points]
 ) -> Figure:
     """A panel per test; `loops` holds the tests of each mode, best first. `output` is its name, of several."""
     modes = list(loops.values())
@@ -98,7 +98,7 @@ def _loops_figure(
         draw_loop([overlays[k] for overlays in modes], unit, axes)
         best = modes[0][k]
         curves_on_request(
-            panels, axes, draws, best, display_unit(best.input_unit, best.input).factor * best.input, unit
+            panels, axes, offered, best, display_unit(best.input_unit, best.input).factor * best.input, unit
         )
     panels.label(y=unit.label(modes[0][0].output_name))
     return panels.figure(
@@ -134,7 +134,7 @@ def _beyond_noise(overlays: Sequence[Overlay]) -> str:
 
 
 def _traces_figure(
-    traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str, output: str, draws: Draws | None
+    traces: Sequence[Overlay], unit: Unit, baseline: str, mode: str, output: str, offered: Sequence[Points]
 ) -> Figure:
     """A panel with its residual per test."""
     small = display_unit(traces[0].output_unit, np.concatenate([t.measured - t.simulated for t in traces]))
@@ -145,8 +145,8 @@ def _traces_figure(
     panels = Panels(len(traces), 3, 1.15, legend=legend, lower=0.6, margin=(0.7, 0.5, 0.1), gap=(0.55, 0.62))
     for overlay, axes, below in zip(traces, panels.axes, panels.lower, strict=True):
         draw_trace(overlay, unit, small, axes, below)
-        curves_on_request(panels, axes, draws, overlay, overlay.time, unit)
-        curves_on_request(panels, below, draws, overlay, overlay.time, small, overlay.simulated)
+        curves_on_request(panels, axes, offered, overlay, overlay.time, unit)
+        curves_on_request(panels, below, offered, overlay, overlay.time, small, overlay.simulated)
     panels.label("time (s)", unit.label(traces[0].output_name), small.label("residual"))
     return panels.figure(
         headed("Measured and simulated output over time with the residual, per test", output),
@@ -170,13 +170,14 @@ def signals_section(run: Run) -> Section | None:
     traces, spectra = [o.last(2) for o in best], extract_spectra(best)
     blocks: list[Block] = []
     draws = extract_draws(run.best)
+    offered = [points for points in (draws, extract_fireflies(run)) if points is not None]
     for output, whole in by_output(best).items():
         unit, tests = output_unit(whole), {o.test for o in whole}
         of_output = {key: [o for o in found if o.test in tests] for key, found in loops.items()}
         if of_output[name]:
-            blocks.append(_loops_figure(of_output, unit, baseline, output, draws))
+            blocks.append(_loops_figure(of_output, unit, baseline, output, offered))
         shown = [o for o in traces if o.test in tests]
-        blocks.append(_traces_figure(shown, unit, baseline, name, output, draws))
+        blocks.append(_traces_figure(shown, unit, baseline, name, output, offered))
         if own := [spectrum for spectrum in spectra if spectrum.test in tests]:
             blocks.append(spectra_figure(own, unit, baseline, name, output))
     if draws is not None and len(draws.names) > 1:

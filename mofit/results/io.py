@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.errors import Issue, did_you_mean, raise_errors
-from mofit.results.schema import EARLIER, GROUPS, JSON_ATTRIBUTES, SAMPLED, SCHEMA, group_at
+from mofit.results.schema import EARLIER, GROUPS, JSON_ATTRIBUTES, LEADS, SAMPLED, SCHEMA, group_at
 from mofit.runtime.files import read_tree, write_tree
 
 RESULT_FILE = "result.nc"
@@ -19,6 +19,7 @@ _LARGE = 50_000_000
 
 #: predicted tests, which may have any name
 _RECORDS = "/held_out/"
+_FIREFLIES = "/fireflies/"
 _HINT = "Write the run again with this version of mofit"
 
 
@@ -150,7 +151,7 @@ def _check_signals(tree: xr.DataTree) -> Iterator[Issue]:
     for node in tree.subtree:
         if node.name not in ("observed_data", "prediction", "posterior_predictive") or node.path.startswith(_RECORDS):
             continue
-        lead = ("chain", "draw") if node.name == "posterior_predictive" else ()
+        lead = LEADS[2 if node.name == "posterior_predictive" else 1 if node.path.startswith(_FIREFLIES) else 0]
         for name, variable in node.data_vars.items():
             where = f"{_where(node)}, variable '{name}'"
             if name not in tests:

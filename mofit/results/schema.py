@@ -27,10 +27,12 @@ AXES = {
     "record": "predicted test",
     "law": "parameter over a condition",
     "candidate": "law that could be",
+    "firefly": "firefly of the last generation, the best first",
     "cell": "combination of conditions",
 }
 
-
+#: dimensions of a signal before its time, by their number
+LEADS = ((), ("firefly",), ("chain", "draw"))
 #: attributes of the root that hold JSON
 JSON_ATTRIBUTES = ("configuration", "library_versions", "seconds", "evaluations", "warnings")
 
@@ -90,6 +92,12 @@ _FRONT = Group(
     {
         "nrmsd": Variable("point objective", "1", "NRMSD per test"),
         "parameters": Variable("point parameter", OWN_UNIT, "non-dominated points"),
+    }
+)
+_FIREFLIES = Group(
+    {
+        "value": Variable("firefly parameter", OWN_UNIT, "place of the firefly"),
+        "nrmsd": Variable("firefly objective", "1", "NRMSD per test"),
     }
 )
 _MINIMA = Group(
@@ -246,6 +254,7 @@ GROUPS: Mapping[str, Group] = {
     "/conditions": _CONDITIONS,
     "/search": _SEARCH,
     "/front": _FRONT,
+    "/fireflies": _FIREFLIES,
     "/minima": _MINIMA,
     "/per_frequency": _PER_FREQUENCY,
     "/baseline": _BASELINE,

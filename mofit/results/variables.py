@@ -15,7 +15,7 @@ from xarray.core import indexing
 
 from mofit._typing import FloatArray
 from mofit.parameters import ParameterSpace
-from mofit.results.schema import AXES, group_at
+from mofit.results.schema import AXES, LEADS, group_at
 
 
 class Computed(BackendArray):
@@ -115,7 +115,7 @@ def parameter_axis(names: Iterable[str], units: Iterable[str], dim: str = "param
 
 @dataclass(frozen=True)
 class Signal:
-    """One signal of one test, or many draws of it.
+    """One signal of one test, or many of it: at draws of a posterior, at fireflies.
 
     Lengths differ between tests, so the time dimension is ``time_<test>``.
 
@@ -124,7 +124,7 @@ class Signal:
     test
         Name of the test.
     time, values
-        Shape (n,), s; and (n,), or (chain, draw, n) for draws from a posterior.
+        Shape (n,), s; and (n,), (chain, draw, n) for draws from a posterior, or (firefly, n).
     units, long_name
         As in `quantity`.
     outputs
@@ -145,7 +145,7 @@ def signal_dataset(signals: Mapping[str, Signal]) -> xr.Dataset:
     for name, signal in signals.items():
         time = f"time_{signal.test}"
         last = ("output",) * signal.outputs
-        lead = ("chain", "draw") if np.ndim(signal.values) == 3 + len(last) else ()
+        lead = LEADS[np.ndim(signal.values) - 1 - len(last)]
         variables[name] = quantity((*lead, time, *last), signal.values, signal.units, signal.long_name)
         # an index that shares the measured time: xarray would copy it for every group
         shared = pd.Index(signal.time, copy=False)

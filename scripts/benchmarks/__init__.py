@@ -17,6 +17,7 @@ BENCHMARKS = {
     "front": "front.run",
     "sampling": "sampling.run",
     "pipeline": "pipeline.run",
+    "small_pipeline": "small_pipeline.run",
     "withheld_effects": "withheld_effects.run",
     "withheld_effects_paper": "withheld_effects.run_paper",
 }

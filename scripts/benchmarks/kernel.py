@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -12,7 +13,7 @@ import casadi as ca
 import numpy as np
 from llvmlite import binding, ir
 
-from benchmarks import kernel_peers
+from benchmarks import kernel_peers, kernel_solvers
 from benchmarks.kernel_peers import FREE, Evaluate, Task
 from benchmarks.rows import row
 from mofit.simulation import Simulator
@@ -31,7 +32,33 @@ PEERS: tuple[Peer, ...] = (
     ("CasADi virtual machine", _GAUSS_NEWTON, kernel_peers.casadi_machine, 1),
     ("CasADi C code, gcc -O3", _GAUSS_NEWTON, kernel_peers.casadi_compiled, 1),
     ("JAX (jit, vmap, scan)", _GAUSS_NEWTON, kernel_peers.jax_batched, 64),
+    ("Numba, lanes", _GAUSS_NEWTON, kernel_solvers.numba_lanes, 64),
+    ("Diffsol (Tsit45, 1e-6)", _GAUSS_NEWTON, kernel_solvers.diffsol_sensitivities, 1),
+    ("heyoka (Taylor, 1e-6)", "cost", kernel_solvers.heyoka_cost, 64),
 )
+
+
+#: Those of them that do the kernel's own steps.
+SAME_STEPS = ("CasADi virtual machine", "CasADi C code, gcc -O3", "JAX (jit, vmap, scan)", "Numba, lanes")
+EXPLAINED = {
+    "fraction of peak": "operations of the steps by the most that the core does (a multiply-add in every lane); of "
+    "those that do the kernel's steps",
+    "fraction of bound": "what multiply-adds and divisions would take, each at its own peak, by what the kernel takes; "
+    "the rest is loads, comparisons, selections and waiting for operands",
+    "one lane": "CasADi's virtual machine and its C code take one set at a time: at most one lane of a register works",
+    "own steps": "solve_ivp, Diffsol and heyoka choose their steps; their operations are not counted",
+    "heyoka": "its series runs across the kinks of |y| and |slip|: that is its cost deviation",
+}
+#: an operation on every chain, a factor and an offset
+Operation = Callable[[Emitter, ir.Value, ir.Value, ir.Value], ir.Value]
+
+
+@dataclass(frozen=True)
+class Peak:
+    """What a core does at most, doubles per second."""
+
+    multiply_adds: float
+    divisions: float
 
 
 def run(
@@ -44,13 +71,15 @@ def run(
     rows
         One per competitor and result: ``name``, ``result``, ``build_seconds``, ``us_per_set`` (one evaluation of all
         tests), ``ns_per_step`` (and lane), ``times_the_kernel`` (how many times longer than the kernel's same
-        result), ``cost_deviation`` (relative to the kernel's), for the kernel also ``fraction_of_peak``; or
-        ``skipped`` with the reason.
+        result), ``cost_deviation`` (relative to the kernel's), for those that do the same steps
+        ``fraction_of_peak`` (operations by the most that the core does), for the kernel also ``fraction_of_bound``
+        (what its multiply-adds and its divisions would take, each at its own peak, by what it takes); or ``skipped``
+        with the reason.
     settings
         The task and the machine.
     """
     task = Task()
-    peak = peak_fma_rate()
+    peak = Peak(peak_rate(Emitter.multiply_add), peak_rate(_division))
     simulator = Simulator(task.system, task.experiments, FREE, steps=1)
     ours: dict[str, Callable[[Any], Any]] = {
         "cost": simulator.cost,
@@ -59,17 +88,21 @@ def run(
         "outputs + sensitivities": simulator.sensitivities,
     }
     rows = [_kernel_row(name, evaluate, task, sets, seconds, peak) for name, evaluate in ours.items()]
-    own = {entry["result"]: entry["us_per_set"] for entry in rows}
+    own = {entry["result"]: entry for entry in rows}
     for name, result, make, batch in peers:
         timed = partial(_row, make, task, batch, seconds, simulator, own[result])
-        rows.append(row({"name": name, "result": result}, timed))
+        found = row({"name": name, "result": result}, timed)
+        if name in SAME_STEPS and "times_the_kernel" in found:  # the same operations in another time
+            found["fraction_of_peak"] = own[result]["fraction_of_peak"] / found["times_the_kernel"]
+        rows.append(found)
     return rows, _settings(task, sets, peak)
 
 
 def _timed(evaluate: Callable[[Any], Any], p: Any, seconds: float) -> float:
-    """Best time of a call, s."""
+    """Best time of a call, s; every call has other parameters, for results may be kept."""
     best, end = np.inf, time.perf_counter() + seconds
     while best == np.inf or time.perf_counter() < end:
+        p = np.nextafter(p, np.inf)
         begin = time.perf_counter()
         evaluate(p)
         best = min(best, time.perf_counter() - begin)
@@ -77,7 +110,7 @@ def _timed(evaluate: Callable[[Any], Any], p: Any, seconds: float) -> float:
 
 
 def _row(
-    make: Callable[[Task], Evaluate], task: Task, batch: int, seconds: float, ours: Simulator, own: float
+    make: Callable[[Task], Evaluate], task: Task, batch: int, seconds: float, ours: Simulator, own: dict[str, Any]
 ) -> dict[str, Any]:
     p = task.parameters(batch)
     begin = time.perf_counter()
@@ -92,12 +125,12 @@ def _row(
         "us_per_set": us_per_set,
         "ns_per_step": best / batch / task.steps * 1e9,
         "cost_deviation": float(np.max(np.abs(cost - expected) / expected)),
-        "times_the_kernel": us_per_set / own,
+        "times_the_kernel": us_per_set / own["us_per_set"],
     }
 
 
 def _kernel_row(
-    result: str, evaluate: Callable[[Any], Any], task: Task, sets: int, seconds: float, peak: float
+    result: str, evaluate: Callable[[Any], Any], task: Task, sets: int, seconds: float, peak: Peak
 ) -> dict[str, Any]:
     p = task.parameters(sets)
     begin = time.perf_counter()
@@ -105,7 +138,9 @@ def _kernel_row(
     first = time.perf_counter() - begin
     best = _timed(evaluate, p, seconds)
     reduce, derivatives = not result.startswith("outputs"), result not in ("cost", "outputs")
-    rate = sets * task.steps * _operations(task, derivatives, reduce) / best
+    operations, divisions = _operations(task, derivatives, reduce)
+    steps = sets * task.steps
+    bound = steps * ((operations - divisions) / (2 * peak.multiply_adds) + divisions / peak.divisions)
     return {
         "name": "mofit kernel",
         "result": result,
@@ -113,22 +148,28 @@ def _kernel_row(
         "us_per_set": best / sets * 1e6,
         "ns_per_step": best / sets / task.steps * 1e9,
         "times_the_kernel": 1.0,
-        "fraction_of_peak": rate / (2 * peak),
+        "fraction_of_peak": steps * operations / best / (2 * peak.multiply_adds),
+        "fraction_of_bound": bound / best,
+        "divisions": divisions / operations,
     }
 
 
-def _operations(task: Task, derivatives: bool, reduce: bool) -> int:
-    """Floating point operations of a step, its output and its sums, per lane; a fused multiply-add is two."""
+def _operations(task: Task, derivatives: bool, reduce: bool) -> tuple[int, int]:
+    """Floating point operations of a step, its output and its sums, per lane, and how many of them are divisions.
+
+    A fused multiply-add is two.
+    """
     kernel = Kernel(task.system, FREE, RK4, derivatives, reduce)
     split = kernel.sample
     worked = [split.program.nodes[i].op for i in split.live if split.levels[i] == LANE | TIME]
     count = sum(2 if op in (FMA, FMS, FNMA) else op != ca.OP_INPUT for op in worked)
     slopes = kernel.shape.free * derivatives
     # residual and products with the weight, then one multiply-add per sum
-    return count + reduce * (2 + slopes + 2 * kernel.shape.sums)
+    divisions = sum(op in (ca.OP_DIV, ca.OP_INV) for op in worked)
+    return count + reduce * (2 + slopes + 2 * kernel.shape.sums), divisions
 
 
-def _settings(task: Task, sets: int, peak: float) -> dict[str, Any]:
+def _settings(task: Task, sets: int, peak: Peak) -> dict[str, Any]:
     return {
         "model": "maxwell_tyre",
         "free": list(FREE),
@@ -138,20 +179,26 @@ def _settings(task: Task, sets: int, peak: float) -> dict[str, Any]:
         "cores": 1,
         "cpu": binding.get_host_cpu_name(),
         "register_doubles": host().width,
-        "peak_fma_per_second": peak,
-        **versions("numpy", "scipy", "casadi", "llvmlite", "jax"),
+        "peak_fma_per_second": peak.multiply_adds,
+        "peak_divisions_per_second": peak.divisions,
+        **versions("numpy", "scipy", "casadi", "llvmlite", "jax", "numba", "pydiffsol", "heyoka"),
+        **EXPLAINED,
     }
 
 
-def peak_fma_rate(repeats: int = 20) -> float:
-    """Fused multiply-adds on doubles per second: 16 independent chains of full registers, best of ``repeats``."""
+def _division(emit: Emitter, value: ir.Value, factor: ir.Value, _: ir.Value) -> ir.Value:
+    return emit.builder.fdiv(factor, value)
+
+
+def peak_rate(operation: Operation, repeats: int = 20) -> float:
+    """An operation on doubles per second: 16 independent chains of full registers, best of ``repeats``."""
     chains, rounds = 16, 200_000
     emit = Emitter([PTR], host().width, host().fma)
     (data,) = emit.run.args
     factor, offset = emit.constant(0.999999), emit.constant(1e-6)
 
     def body(_: ir.Value, values: list[ir.Value]) -> list[ir.Value]:
-        return [emit.multiply_add(value, factor, offset) for value in values]
+        return [operation(emit, value, factor, offset) for value in values]
 
     start = [emit.load(data, chain * host().width) for chain in range(chains)]
     for chain, value in enumerate(emit.loop(emit.integer(rounds), start, body)):

@@ -123,8 +123,8 @@ def scipy_cost(task: Task) -> Evaluate:
     return evaluate
 
 
-def _accumulated(task: Task) -> ca.Function:
-    """Sums of one test by CasADi's `mapaccum` over Runge-Kutta steps: cost, gradient, Gauss-Newton matrix."""
+def accumulated_step(task: Task) -> ca.Function:
+    """A Runge-Kutta step from the state to the next, and the sums: cost, gradient, Gauss-Newton matrix."""
     system, nf = task.system, len(FREE)
     nx = len(system.states) * (1 + nf)
     graph = build_graph(system, RK4, FREE, derivatives=True)
@@ -133,10 +133,24 @@ def _accumulated(task: Task) -> ca.Function:
     _, following, output = graph(free, state[:nx], inputs, 0, inputs[0], fixed, ca.DM(task.conditions), task.step)
     residual, slopes = output[0] - measured, output[1:]
     sums = state[nx:] + ca.vertcat(residual**2, slopes * residual, ca.vec(slopes @ slopes.T))
-    step = ca.Function("step", [state, inputs, measured, free, fixed], [ca.vertcat(following, sums)])
+    return ca.Function("step", [state, inputs, measured, free, fixed], [ca.vertcat(following, sums)])
+
+
+def input_nodes(task: Task) -> list[FloatArray]:
+    """Of each test the input at the nodes of every Runge-Kutta step, (nodes, samples)."""
+    return [
+        np.stack([experiment.at(task.time + node * task.step)[0] for node in RK4.nodes])
+        for experiment in task.experiments
+    ]
+
+
+def _accumulated(task: Task) -> ca.Function:
+    """Sums of one test by CasADi's `mapaccum` over Runge-Kutta steps."""
+    step, nx = accumulated_step(task), len(task.system.states) * (1 + len(FREE))
+    state, free, fixed = (step.sx_in(k) for k in (0, 3, 4))
     whole = step.mapaccum("whole", task.samples)
     start, u, m = ca.MX.sym("start", state.numel()), ca.MX.sym("u", 3, task.samples), ca.MX.sym("m", 1, task.samples)
-    p, q = ca.MX.sym("free", nf), ca.MX.sym("fixed", fixed.numel())
+    p, q = ca.MX.sym("free", free.numel()), ca.MX.sym("fixed", fixed.numel())
     ends = whole(start, u, m, ca.repmat(p, 1, task.samples), ca.repmat(q, 1, task.samples))
     return ca.Function("sums", [start, u, m, p, q], [ends[nx:, -1]])
 
@@ -144,11 +158,7 @@ def _accumulated(task: Task) -> ca.Function:
 def _casadi_evaluate(task: Task, function: ca.Function) -> Evaluate:
     free = [task.system.parameters.index(name) for name in FREE]
     fixed = [i for i in range(len(task.system.parameters)) if i not in free]
-    time = task.time
-    nodes = [
-        ca.DM(np.stack([experiment.at(time + node * task.step)[0] for node in RK4.nodes]))
-        for experiment in task.experiments
-    ]
+    nodes = [ca.DM(nodes) for nodes in input_nodes(task)]
     measured = [ca.DM(experiment.measured.T) for experiment in task.experiments]
     # at rest at the start, where the slip is zero; the derivatives too
     start = ca.DM.zeros(function.numel_in(0))

@@ -16,6 +16,8 @@ from benchmarks.pipelines import by_diffrax, by_mofit, by_pints, by_pypesto, by_
 from benchmarks.pipelines.job import MODEL, Job, Recorded, make_job, pose
 from benchmarks.pipelines.peer import FOUND, Peer, distinct_minima, price
 from benchmarks.rows import KeptRows
+from mofit.data import bundled_campaign, read_campaign
+from mofit.identification.settings import Settings
 from mofit.sampling import SampleSettings
 from studies.report_page import versions
 
@@ -67,7 +69,7 @@ def run(seed: int = 0, jobs: int = 2, limit: float = 60.0) -> tuple[list[dict[st
     options = {"seed": seed, "jobs": jobs, "limit": limit}
     rows = KeptRows("pipeline", options)
     rows.add({"name": "mofit"}, lambda: mofit_row(*by_mofit.first_and_later(seed, jobs)))
-    problem, minimum = pose(seed, jobs)
+    problem, minimum = pose(Settings(seed=seed, jobs=jobs), read_campaign(bundled_campaign()))
     job = make_job(problem, minimum)
     for peer in PEERS:
         rows.add({"name": peer.name}, partial(peer_row, peer, job, seed, jobs, limit, rows.rows[0]["seconds"]))

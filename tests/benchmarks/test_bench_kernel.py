@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from benchmarks import kernel_peers
-from benchmarks.kernel import peak_fma_rate, run
+from benchmarks import kernel_peers, kernel_solvers
+from benchmarks.kernel import peak_rate, run
 from benchmarks.kernel_peers import FREE, Task
 from benchmarks.rows import Absent
 from mofit.simulation import Simulator
+from mofit.simulation.compiler.emit import Emitter
 
 TASK = Task(samples=60)
 
@@ -19,6 +20,9 @@ TASK = Task(samples=60)
         (kernel_peers.casadi_machine, 1e-5),
         (kernel_peers.casadi_compiled, 1e-5),
         pytest.param(kernel_peers.jax_batched, 1e-5, marks=pytest.mark.slow),
+        pytest.param(kernel_solvers.numba_lanes, 1e-5, marks=pytest.mark.slow),
+        (kernel_solvers.diffsol_sensitivities, 1e-4),
+        (kernel_solvers.heyoka_cost, 1e-3),
     ],
 )
 def test_competitor_agrees_with_the_kernel(make, tolerance):
@@ -41,5 +45,7 @@ def test_absent_competitor_is_skipped_with_the_reason():
     assert all(row["fraction_of_peak"] > 0 for row in rows[:-1])
 
 
-def test_peak_rate_is_that_of_a_computer():
-    assert 1e8 < peak_fma_rate(repeats=1) < 1e12
+def test_peak_rates_are_those_of_a_computer():
+    multiply_adds = peak_rate(Emitter.multiply_add, repeats=1)
+    assert 1e8 < multiply_adds < 1e12
+    assert 1e7 < peak_rate(lambda emit, value, one, _: emit.builder.fdiv(one, value), repeats=1) < multiply_adds

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from benchmarks import pipeline
-from benchmarks.pipelines import by_mofit
+from benchmarks import pipeline, small_pipeline
+from benchmarks.pipelines import by_mofit, by_script, small
 from benchmarks.pipelines.job import Recorded, make_job
 from benchmarks.pipelines.peer import Peer, distinct_minima, price, seeded
 from benchmarks.rows import Absent
@@ -211,3 +211,22 @@ def test_parameter_sets_of_any_simulator_are_counted(job):
     assert counts == [5, 1]
     job.whole.log_posterior(np.full((5, 8), 0.5))
     assert counts == [5, 1]
+
+
+def test_peers_run_a_small_job_on_their_own_simulator():
+    job = small.job(0)
+    best = merge(refine(job.whole.evaluate, np.full((1, 3), 0.4)))[0].point
+    points = np.stack([best, best + 0.01])
+    own = by_script.log_posterior(job.task)(points)
+    assert np.diff(own) == pytest.approx(np.diff(job.whole.log_posterior(points)), abs=0.05)
+
+    def search(evaluate, dimension, seed):
+        evaluate(points[:, :dimension])
+        return best[None]
+
+    def sample(evaluate, start, seed, target):
+        return target * len(evaluate(start[None]))
+
+    row = small_pipeline.peer_row(Peer("brief", "", search, sample, by_script.log_posterior), job, 0, 1.0, 50.0)
+    assert (row["minima"], row["ess"], row["evaluations"], row["in_sampling"]) == (1, 50.0, 3, 1)
+    assert row["times_mofit"] == row["seconds"] > row["in_search"] > 0

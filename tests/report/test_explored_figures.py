@@ -13,6 +13,8 @@ pytestmark = pytest.mark.browser
 
 TRACES, LOOPS, DRAWS = 1, 0, 3
 """Places of the figures in the section of the signals: loops, traces, spectra, draws."""
+SWARM = 1
+"""Place of the swarm's figure in the section of the search."""
 
 ZOOMED = """([plot, width]) => {
     const [low, high] = plot.layout.xaxis.range;
@@ -116,6 +118,45 @@ def test_a_draw_that_is_clicked_shows_its_signals(browser, report) -> None:
         assert set(shown(traces, draw)) == {f"draw {page.evaluate('choices.now.draw')}"}
 
 
+def test_a_firefly_that_is_clicked_shows_its_signals(browser, report) -> None:
+    with opened(browser, report, viewport={"width": 1200, "height": 1400}) as page:
+        traces, swarm = drawn(page, "signals", TRACES), drawn(page, "search", SWARM)
+        firefly = "plot.data.filter(trace => trace.name.startsWith('firefly ')).map(trace => trace.name)"
+        assert shown(traces, firefly) == []
+        ring = swarm.locator(".scatterlayer").last.locator(".trace").last.locator("path.point").nth(2)
+        ring.scroll_into_view_if_needed()
+        place = ring.bounding_box()
+        page.mouse.move(place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+        swarm.locator(".hoverlayer text").first.wait_for()
+        page.mouse.down()
+        page.mouse.up()
+        page.wait_for_function("choices.now.firefly")
+        name = page.evaluate("choices.now.firefly")
+        assert set(shown(traces, firefly)) == {f"firefly {name}"}
+
+
+def test_keys_move_a_box_along_the_axes_of_the_front(browser, report) -> None:
+    with opened(browser, report) as page:
+        front = drawn(page, "search", page.locator("#search figure").count() - 1)
+        note = front.locator(".note")
+        front.locator(".plot").focus()
+        page.keyboard.press("ArrowRight")
+        note.filter(has_text="60 of 60 points pass 1 box").wait_for()
+        for _ in range(10):
+            page.keyboard.press("ArrowDown")
+        half = shown(front, "plot.explored.spec.panels[0].y.range[1] / 2")
+        first = "part.y.filter((_, k) => part.x[k] === 0)"
+        passing = shown(front, f"plot.explored.spec.panels[0].parts.filter(p => p.bundle).flatMap(part => {first})")
+        expected = sum(y <= half * (1 + 1e-9) for y in passing)
+        assert 0 < expected < 60
+        note.filter(has_text=f"{expected} of 60 points pass 1 box").wait_for()
+        page.keyboard.press("ArrowRight")
+        note.filter(has_text="points pass 2 boxes").wait_for()
+        page.keyboard.press("Escape")
+        note.filter(has_not_text="pass").wait_for(state="attached")
+        assert not shown(front, "plot.explored.brush.boxes.length")
+
+
 def test_boxes_across_the_front_keep_the_lines_that_run_through_them(browser, report) -> None:
     with opened(browser, report) as page:
         count = page.locator("#search figure").count()
@@ -156,6 +197,7 @@ def test_narrow_or_wide_and_in_the_dark(browser, report, width) -> None:
 
 def test_print_and_pages_without_scripts_show_the_pictures(browser, report) -> None:
     with opened(browser, report) as page:
+        page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
         figure = drawn(page, "errors")
         page.emulate_media(media="print")
         assert figure.locator("img").is_visible()
@@ -163,6 +205,7 @@ def test_print_and_pages_without_scripts_show_the_pictures(browser, report) -> N
     with opened(browser, report, java_script_enabled=False) as page:
         assert page.locator("#errors img").is_visible()
         assert page.locator("#choices").is_hidden()
+        page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
 
 
 def test_every_figure_says_what_it_shows_and_every_axis_its_unit(browser, report) -> None:

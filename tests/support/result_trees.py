@@ -275,6 +275,11 @@ def _search(rig: Rig, rng: np.random.Generator) -> dict[str, xr.Dataset]:
             "archived": quantity(("archive", "parameter"), points[order[:200:8]], "1", "archived minima"),
             "archived_cost": quantity("archive", cost[order[:200:8]].mean(axis=1), "1", "mean NRMSD"),
             "population": quantity(("member", "parameter"), points[order[:250:10]], "1", "population"),
+            "minimises": quantity("archive", [objective["objective"].values[0], *[""] * 24], "1", "objective"),
+            "generations": quantity(
+                ("generation", "member", "parameter"), points[[order[:500:20], order[:250:10]]], "1", "fireflies"
+            ),
+            "cluster": quantity(("generation", "member"), np.tile(np.arange(25) % 3, (2, 1)), "1", "cluster"),
         },
         _names("parameter", rig.names) | objective,
         {"method": "mlsl", "evaluations": n},
@@ -286,7 +291,25 @@ def _search(rig: Rig, rng: np.random.Generator) -> dict[str, xr.Dataset]:
         },
         _names("parameter", rig.names) | objective,
     )
-    return {"/search": search, "/front": front}
+    return {"/search": search, "/front": front, **_fireflies(rig, points[order[:250:50]], cost[order[:250:50]])}
+
+
+def _fireflies(rig: Rig, points: np.ndarray, cost: np.ndarray) -> dict[str, xr.Dataset]:
+    """Some of the last generation, with their signals."""
+    fireflies = xr.Dataset(
+        {
+            "value": quantity(("firefly", "parameter"), points, "1", "place of the firefly"),
+            "nrmsd": quantity(("firefly", "objective"), cost, "1", "NRMSD"),
+        },
+        _names("parameter", rig.names)
+        | _names("objective", [t.name for t in rig.trials])
+        | _names("firefly", [str(k + 1) for k in range(len(points))]),
+    )
+    predicted = {
+        t.name: Signal(t.name, t.time, np.array([rig.response(t, p) for p in points]), rig.output[1], rig.output[0])
+        for t in rig.trials
+    }
+    return {"/fireflies": fireflies, "/fireflies/prediction": signal_dataset(predicted)}
 
 
 def _per_frequency(rig: Rig, rng: np.random.Generator) -> dict[str, xr.Dataset]:

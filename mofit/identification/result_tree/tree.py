@@ -15,6 +15,7 @@ from mofit import __version__
 from mofit._typing import FloatArray
 from mofit.identification.result import IdentificationResult
 from mofit.identification.result_tree.comparison import calibration_groups
+from mofit.identification.result_tree.fireflies import firefly_groups
 from mofit.identification.result_tree.laws import law_groups
 from mofit.identification.result_tree.modes import mixture_groups, mode_groups
 from mofit.identification.result_tree.outputs import measured_signals, noise_and_range, over_tests, test_axes, unit_of
@@ -45,6 +46,7 @@ def assemble(outcome: IdentificationResult) -> xr.DataTree:
         **_fixed(outcome),
         **_conditions(outcome.problem),
         **({} if outcome.study else _search(outcome)),
+        **firefly_groups(outcome),
         **law_groups(outcome),
         "/minima": _minima(outcome),
         "/observed_data": measured_signals(outcome.problem),

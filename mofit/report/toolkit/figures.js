@@ -31,14 +31,17 @@ class Explored {
     this.spec = spec;
     this.next = figure.nextElementSibling || figure;
     this.off = new Set(); // names that are switched off
-    this.boxes = []; // of the brush
+    this.brush = spec.brush ? new Brush(this) : null;
     this.plot = document.createElement("div");
     this.plot.className = "plot";
     this.plot.tabIndex = 0;
     this.plot.explored = this;
     this.plot.setAttribute("role", "group");
     const alt = figure.querySelector("img").alt;
-    this.plot.setAttribute("aria-label", `${alt}. Arrow keys move, + and - zoom, 0 shows all.`);
+    const keys = this.brush
+      ? "Left and right choose an axis, up and down move the upper end of its box, with shift the lower end, Escape shows all points."
+      : "Arrow keys move, + and - zoom, 0 shows all.";
+    this.plot.setAttribute("aria-label", `${alt}. ${keys}`);
     this.legend = document.createElement("div");
     this.legend.className = "legend";
     this.note = document.createElement("p");
@@ -115,19 +118,19 @@ class Explored {
     // Plotly changes the layout that it is given
     this.home = Object.fromEntries(Object.entries(this.layout).filter(([name]) => /^xaxis/.test(name)).map(([name, axis]) => [name, [...axis.range]]));
     return Plotly.react(this.plot, this.traces, this.layout, {
-      displaylogo: false, displayModeBar: true, modeBarButtonsToRemove: ["autoScale2d", "lasso2d", ...(this.spec.brush ? [] : ["select2d"])],
+      displaylogo: false, displayModeBar: true, modeBarButtonsToRemove: ["autoScale2d", "lasso2d", ...(this.brush ? [] : ["select2d"])],
     }).then(() => this.listen());
   }
 
   frame(height) {
     const style = getComputedStyle(document.body), touch = matchMedia("(pointer: coarse)").matches;
     return {
-      height, width: this.width, showlegend: false, annotations: [], shapes: [], selections: this.boxes,
+      height, width: this.width, showlegend: false, annotations: [], shapes: [], selections: this.brush ? this.brush.boxes : [],
       margin: { l: LEFT, r: RIGHT, t: TOP, b: BOTTOM, pad: 0 },
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", bargap: 0, barmode: "overlay",
       font: { family: style.fontFamily, size: 11.5, color: style.color },
-      hovermode: !this.spec.brush && this.overTime() ? "x" : "closest", hoverdistance: 30, separators: ".\u202f",
-      dragmode: touch ? false : this.spec.brush ? "select" : "zoom",
+      hovermode: !this.brush && this.overTime() ? "x" : "closest", hoverdistance: 30, separators: ".\u202f",
+      dragmode: touch ? false : this.brush ? "select" : "zoom",
       modebar: { bgcolor: "rgba(0,0,0,0)", color: NEUTRAL, activecolor: style.color }, uirevision: "",
       hoverlabel: { font: { size: 11.5 }, namelength: -1 },
     };
@@ -219,7 +222,7 @@ class Explored {
       const trace = { name: part.name, xaxis: `x${id}`, yaxis: `y${id}`, ...maker(part, colour) };
       if (!trace.hoverinfo) trace.hovertemplate = hoverText(panel.x, row.y, part);
       this.choosePoints(trace, part);
-      if (this.spec.brush && part.bundle) this.bundle(trace, part);
+      if (this.brush && part.bundle) this.bundle(trace, part);
       this.traces.push(trace);
       this.owners.push({ panel, row, part });
     }
@@ -236,7 +239,7 @@ class Explored {
 
   // Parallel coordinates: many lines in one part, those outside of a box of the brush fade.
   bundle(trace, part) {
-    const passing = this.passing();
+    const passing = this.brush.passing();
     if (!passing) return;
     this.traces.push({ ...trace, hoverinfo: "skip", hovertemplate: undefined, opacity: 0.12 });
     this.owners.push({});
@@ -244,42 +247,23 @@ class Explored {
     Object.assign(trace, { line: { ...trace.line, color: shade("#d55e00"), width: 1.4 }, opacity: 1, name: "chosen" });
   }
 
-  passing() {
-    if (!this.boxes.length) return null;
-    const shown = this.panels(), all = new Set();
-    let count = 0;
-    const tests = this.boxes.map((box) => {
-      const panel = shown[Number(box.xref.slice(1) || 1) - 1], part = panel.parts.find((one) => one.bundle);
-      const [low, high] = [box.y0, box.y1].map(Number).sort((a, b) => a - b), [from, to] = [box.x0, box.x1].map(Number).sort((a, b) => a - b);
-      return { part, low, high, from, to };
-    });
-    const { part: any } = tests[0];
-    for (let line = 0; line * any.bundle < any.x.length; line++, count++)
-      if (tests.every(({ part, low, high, from, to }) => {
-        for (let k = line * part.bundle; k < (line + 1) * part.bundle - 1; k++)
-          if (part.x[k] >= from && part.x[k] <= to && (part.y[k] < low || part.y[k] > high)) return false;
-        return true;
-      })) all.add(line);
-    this.note.textContent = `${all.size} of ${count} points pass ${tests.length} box${tests.length > 1 ? "es" : ""}. Double click shows all; shift and drag adds a box.`;
-    return all;
-  }
-
   listen() {
     if (this.listening) return;
     this.listening = true;
     this.plot.on("plotly_click", (event) => this.click(event.points[0]));
     this.plot.on("plotly_clickannotation", (event) => event.annotation.name && choices.choose("test", event.annotation.name));
-    if (!this.spec.brush) return;
-    const brushed = () => { this.boxes = [...(this.plot.layout.selections || [])]; if (!this.boxes.length) this.note.textContent = ""; this.draw(); };
-    this.plot.on("plotly_selected", () => setTimeout(brushed));
-    this.plot.on("plotly_deselect", () => { this.boxes = []; this.note.textContent = ""; this.draw(); });
+    if (this.brush) this.brush.listen();
   }
 
   click(point) {
     const { panel, row, part } = this.owners[point.curveNumber];
     if (!part) return;
-    for (const [kind, values] of Object.entries(part.keys || {}))
-      if (Array.isArray(values)) choices.choose(kind, values[point.pointNumber]);
+    for (const other of row.parts) {
+      // a dot may lie on one that belongs to something
+      const k = other === part ? point.pointNumber : (other.x || []).findIndex((x, i) => x === point.x && other.y[i] === point.y);
+      for (const [kind, values] of Object.entries((k >= 0 && other.keys) || {}))
+        if (Array.isArray(values) && values[k]) choices.choose(kind, values[k]);
+    }
     for (const [axis, at] of [[panel.x, point.x], [row.y, point.y]])
       for (const [kind, values] of Object.entries(axis.keys)) {
         const k = axis.ticks.values.findIndex((value) => value === at);
@@ -289,6 +273,10 @@ class Explored {
   }
 
   key(event) {
+    if (this.brush && !event.ctrlKey && !event.metaKey && this.brush.key(event)) {
+      event.preventDefault();
+      return;
+    }
     const step = { ArrowLeft: [-0.1, 1], ArrowRight: [0.1, 1], "+": [0, 0.8], "-": [0, 1.25], 0: null }[event.key];
     if (step === undefined || event.ctrlKey || event.metaKey) return;
     event.preventDefault();

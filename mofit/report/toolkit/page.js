@@ -32,3 +32,14 @@ for (const group of document.querySelectorAll(".tabs")) {
   group.prepend(bar);
   show(0);
 }
+
+// Pictures out of view are decoded once the page can be read, one whenever there is time; print needs all of them.
+const later = [...document.querySelectorAll('img[loading="lazy"]')];
+const idle = window.requestIdleCallback || ((call) => setTimeout(call, 50));
+function decode() {
+  if (!later.length) return;
+  later.shift().loading = "eager";
+  idle(decode);
+}
+addEventListener("load", () => idle(decode));
+addEventListener("beforeprint", () => later.splice(0).forEach((image) => { image.loading = "eager"; }));

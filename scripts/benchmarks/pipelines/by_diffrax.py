@@ -76,6 +76,7 @@ def descent(task: Task) -> Evaluate:
     speeds = jnp.array([(test.speed, test.fictitious) for test in task.tests])
     time = jnp.arange(samples) * step
     lower, upper, logarithmic = jnp.array(task.lower), jnp.array(task.upper), jnp.array(task.logarithmic)
+    nominal = jnp.array(task.nominal)
     ratio = jnp.where(logarithmic, upper / jnp.where(logarithmic, lower, 1.0), 1.0)
 
     def motion(t: Any, state: Any, values: Any, curve: Any, speed: Any) -> tuple[Any, Any]:
@@ -109,7 +110,7 @@ def descent(task: Task) -> Evaluate:
         return jnp.sum(weights * (simulated - measured) ** 2)
 
     def value(u: Any) -> Any:
-        values = jnp.where(logarithmic, lower * ratio**u, lower + u * (upper - lower))
+        values = nominal.at[task.free].set(jnp.where(logarithmic, lower * ratio**u, lower + u * (upper - lower)))
         gap = u - task.mean
         each = jax.vmap(squares, (None, 0, 0, 0, 0))(values, pieces, force, weight, speeds)
         total = 0.5 * each.sum() + 0.5 * gap @ task.precision @ gap

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from mofit._typing import FloatArray
-from mofit.data import bundled_campaign, read_campaign
+from mofit.data import Campaign
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.refinement import refined
 from mofit.identification.settings import Settings
@@ -25,12 +25,10 @@ MODEL = "maxwell_tyre"
 STARTS = 16
 
 
-def pose(seed: int, jobs: int) -> tuple[Problem, Minimum]:
-    """All parameters free, calibrations as priors, noise counted at the best minimum; and that minimum."""
-    settings = Settings(seed=seed, jobs=jobs)
-    campaign, model = read_campaign(bundled_campaign()), find_model(MODEL)
-    problem = set_up_problem(model, campaign, settings).posterior.main
-    counted, minima = refined(problem, qmc.Sobol(len(problem.space), rng=seed).random(STARTS))
+def pose(settings: Settings, campaign: Campaign) -> tuple[Problem, Minimum]:
+    """Calibrations as priors, noise counted at the best minimum; and that minimum."""
+    problem = set_up_problem(find_model(MODEL), campaign, settings).posterior.main
+    counted, minima = refined(problem, qmc.Sobol(len(problem.space), rng=settings.seed).random(STARTS))
     return counted, minima[0]
 
 
@@ -73,6 +71,8 @@ class Task:
         Bounds per parameter, and whether its logarithm is linear in the unit coordinate; shape (d,).
     mean, precision
         Gaussian prior in unit coordinates, (d,) and (d, d).
+    nominal, free
+        Values of all parameters of the model, and the places of the free ones among them.
     """
 
     tests: tuple[Test, ...]
@@ -81,12 +81,16 @@ class Task:
     logarithmic: NDArray[np.bool_]
     mean: FloatArray
     precision: FloatArray
+    nominal: FloatArray
+    free: NDArray[np.intp]
 
     def values(self, u: FloatArray) -> FloatArray:
-        """Parameter values at a point (d,)."""
+        """Values of all parameters at a point (d,)."""
         with np.errstate(divide="ignore", invalid="ignore"):  # of bounds that are not on a logarithmic scale
             geometric = self.lower * (self.upper / self.lower) ** u
-        return np.where(self.logarithmic, geometric, self.lower + u * (self.upper - self.lower))
+        values = self.nominal.copy()
+        values[self.free] = np.where(self.logarithmic, geometric, self.lower + u * (self.upper - self.lower))
+        return values
 
     def log_prior(self, u: FloatArray) -> float:
         """Log density of the prior at a point (d,), up to a constant."""
@@ -119,6 +123,8 @@ def task_of(problem: Problem) -> Task:
         np.array([p.scale == "log" for p in parameters]),
         prior.mean,
         prior.precision,
+        np.array([p.nominal for p in problem.model.parameters]),
+        np.array([[p.name for p in problem.model.parameters].index(p.name) for p in parameters]),
     )
 
 
