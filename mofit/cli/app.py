@@ -96,7 +96,10 @@ Timeout = Annotated[
 ]
 Dask = Annotated[
     str | None,
-    Parameter(help="Address of a Dask scheduler, tcp://host:port, on whose workers a simulator of your own runs."),
+    Parameter(
+        help="Address of a Dask scheduler, tcp://host:port, on whose workers a simulator of your own runs, "
+        "and with --over every combination of the conditions."
+    ),
 ]
 TimeLimit = Annotated[
     str | None, Parameter(help="Time after which the command ends with what there is, as in 60s or 5min; exit code 3.")

@@ -129,9 +129,7 @@ def compare(
 
 @app.command
 def design(
-    file: Path,
-    /,
-    *,
+    *files: Path,
     space: Path | None = None,
     model: ModelName = None,
     effect: Effects = (),
@@ -162,8 +160,9 @@ def design(
 
     Parameters
     ----------
-    file
-        Campaign, or plan of `mofit simulate`: the tests that exist, or are planned anyway.
+    files
+        Campaign, or plan of `mofit simulate`: the tests that exist, or are planned anyway. Several campaigns count as
+        one; with the --run that identified them --over conditions, the design says under which to measure next.
     space
         Design space (TOML): candidate tests and the limits of the rig; see docs/design.md. By default the range that
         the tests of FILE cover.
@@ -190,10 +189,10 @@ def design(
     from mofit.workflows.planning import design as designed
 
     values, weights, threads = by_name("--at", at), by_name("--combination", combination), cores(jobs)
-    with _files({"--plan": plan, "--out": out}, force, [file, *([space] if space else [])]):
+    with _files({"--plan": plan, "--out": out}, force, [*files, *([space] if space else [])]):
         with progress_bar() as progress, ended_in(time_limit):
             proposal = designed(
-                file, space=space, model=model, effects=effect, parameters=parameter, criterion=criterion,
+                files, space=space, model=model, effects=effect, parameters=parameter, criterion=criterion,
                 combination=weights, discriminate=discriminate, budget=budget, robust=robust,
                 ignore_existing_tests=ignore_existing_tests, at=values, run=run, samples=samples, seed=seed,
                 jobs=threads, simulations=simulations, timeout=seconds("--timeout", timeout), dask=dask,

@@ -209,6 +209,7 @@ def default_space(
     overhead: float,
     *,
     measured: bool = False,
+    conditions: Mapping[str, Sequence[float]] | None = None,
 ) -> Space:
     """Tests of some kinds (sine, multisine, chirp, step) within what known tests demonstrate of the rig.
 
@@ -222,6 +223,8 @@ def default_space(
         Time there is, and time per test beside its duration [s].
     measured
         Whether the inputs are measured, hence noisy.
+    conditions
+        Values of conditions, in SI units, to choose from in all combinations.
     """
     limits = demonstrated_limits([required_limits(experiment, driven.name, measured) for experiment in experiments])
     frequencies = [experiment.frequency for experiment in experiments if experiment.frequency] or SETTINGS.unknown
@@ -244,7 +247,8 @@ def default_space(
         {"kind": "chirp", "frequency": _hertz([low, math.sqrt(low * high)]), "last_frequency": _hertz([high])},
         {"kind": "step", "ramp_rate": rate},
     ]
-    common = {"sample_rate": f"{_short(limits.sample_rate)} Hz", "amplitude": amplitudes, "duration": durations}
+    common: dict[str, Any] = {"sample_rate": f"{_short(limits.sample_rate)} Hz"}
+    common |= {"amplitude": amplitudes, "duration": durations, "conditions": dict(conditions or {})}
     return Space(
         overhead=f"{_short(overhead)} s",
         limits=Limits(amplitude=largest, rate=rate, acceleration=acceleration),

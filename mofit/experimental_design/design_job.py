@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from mofit.data import Campaign
+from mofit.data import Campaign, Experiment
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.experimental_design.candidate_space import Space, default_space, read_space
 from mofit.experimental_design.candidates import candidates, declared_limits, driven_input
@@ -15,12 +15,15 @@ from mofit.experimental_design.optimal_design import Design, DesignEvaluation, o
 from mofit.experimental_design.prepare import Inputs, Prepared, prepare, with_simulators
 from mofit.experimental_design.simulations_needed import require_simulations
 from mofit.experimental_design.sources import Source
-from mofit.models import Effect, Model, find_effect
+from mofit.models import Effect, Model, find_effect, laws_of
 from mofit.runtime.files import write_text
 from mofit.runtime.output_file import PLAN_MARK
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation.virtual_rig.plan import Plan, TestPlan, plan_text
 from mofit.units import Quantity, parse_quantity
+
+#: Values of a condition to choose from: a law with three coefficients is determined best at three.
+MOST_VALUES = 3
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class DesignJob:
     """A design as a user asks for it."""
 
     inputs: Inputs
-    """One file (the tests that there are or will be anyway) and options."""
+    """One file, or campaigns that are joined (the tests that there are or will be anyway), and options."""
     space: Path | None = None
     """Space file; without one, tests like those of the file, within what they demonstrate of the rig."""
     parameters: tuple[str, ...] = ()
@@ -72,7 +75,7 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     effects = tuple(find_effect(name) for name in job.discriminate)
     progress("read", 0, 0, "")
     written = read_space(job.space) if job.space else None
-    with with_simulators(job.inputs) as inputs:
+    with with_simulators(replace(job.inputs, together=True)) as inputs:
         return _designed(replace(job, inputs=inputs), written, effects, progress)
 
 
@@ -110,8 +113,8 @@ def _designed(job: DesignJob, written: Space | None, effects: Sequence[Effect], 
 
 def write_plan(proposal: Proposal, path: Path) -> None:
     """Write the design's tests as a plan for `mofit simulate`."""
-    (file,) = proposal.job.inputs.files
-    heading = f"{PLAN_MARK.removeprefix('# ')} {file.name}."
+    names = ", ".join(file.name for file in proposal.job.inputs.files)
+    heading = f"{PLAN_MARK.removeprefix('# ')} {names}."
     write_text(path, plan_text(proposal.plan, heading))
 
 
@@ -138,7 +141,19 @@ def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:
         raise InputError.of(f"FILE {prepared.source.name}", message, cure)
     taken = {kind for stage in model.stages for kind in stage.excitations} - {"step"}
     kinds = {"sine", "multisine", "chirp", "step"} - taken
-    return default_space(known, driven, kinds, budget, overhead, measured=isinstance(prepared.content, Campaign))
+    conditions = over_conditions(model, [test.experiment for test in prepared.source.tests])
+    measured = isinstance(prepared.content, Campaign)
+    return default_space(known, driven, kinds, budget, overhead, measured=measured, conditions=conditions)
+
+
+def over_conditions(model: Model, experiments: Sequence[Experiment]) -> dict[str, list[float]]:
+    """Of every condition over which parameters follow laws the values of the tests, or least, middle and largest."""
+    found = {}
+    for name in dict.fromkeys(law.condition for law in laws_of(model)):
+        values = sorted({float(one.conditions[name]) for one in experiments if name in one.conditions})
+        count = len(values)
+        found[name] = values if count <= MOST_VALUES else [values[0], values[count // 2], values[-1]]
+    return found
 
 
 def _require_conditions(plans: Sequence[TestPlan], model: Model) -> None:

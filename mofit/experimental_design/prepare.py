@@ -9,18 +9,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mofit._typing import FloatArray
-from mofit.data import Campaign, read_campaign
-from mofit.errors import InputError, Issue, check_settings, did_you_mean, raise_errors
+from mofit.data import Campaign, joined, read_campaign
+from mofit.errors import InputError, Issue, check_settings, raise_errors
 from mofit.experimental_design.criteria import with_neutral
 from mofit.experimental_design.information import SourceInformation, source_information
+from mofit.experimental_design.parameter_samples import box_samples, posterior_samples, reference_values
 from mofit.experimental_design.sources import Source, measured_source, planned_source
 from mofit.identification.settings import SIMULATIONS, is_seed
-from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects
-from mofit.parameters import PER_CAMPAIGN, ParameterSpace
+from mofit.models import Effect, Model, default_model, find_effect, find_model, with_effects, with_laws
+from mofit.parameters import PER_CAMPAIGN
 from mofit.results import open_result
+from mofit.results.export import laws_of_run
 from mofit.simulation.evaluation.evaluations import evaluations_of, simulator_of, with_evaluations
 from mofit.simulation.evaluation.executors import TIMEOUT, evaluated_in
 from mofit.simulation.ranges import with_parameters
@@ -29,8 +29,6 @@ from mofit.simulation.virtual_rig.plan import NoisePlan, Plan, TestPlan, read_pl
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Half the width of the box around reference values, as a share of the bounds: how uncertain they are beforehand.
-HALF_WIDTH = 0.15
 #: Parameter samples at most: medians over them do not change any more, and every test is simulated at each.
 MOST_SAMPLES = 10_000
 
@@ -47,7 +45,8 @@ class Inputs:
     at: Mapping[str, float] = field(default_factory=dict)
     """Reference values of parameters by name, in SI units."""
     run: Path | None = None
-    """Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values."""
+    """Folder of a run, whose posterior gives the parameter samples instead of a box around the reference values. The
+    laws of its parameters over conditions become part of the model."""
     samples: int = 16
     """How many parameter samples."""
     seed: int = 0
@@ -60,6 +59,8 @@ class Inputs:
     they run on."""
     simulators: Mapping[str, Model] = field(default_factory=dict)
     """Users' simulators by name, whose simulations count; see `with_simulators`."""
+    together: bool = False
+    """Whether several campaigns count as one, each test under the conditions of its own."""
 
     def __post_init__(self) -> None:
         checks = [
@@ -152,7 +153,7 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
         Issue(f"FILE {stem}", "two files have this name", "Rename one of them")
         for stem in sorted({stem for stem in stems if stems.count(stem) > 1})
     )
-    contents = {path.stem: read_plan(path) if path.suffix == ".toml" else read_campaign(path) for path in inputs.files}
+    contents = _as_one(inputs.files) if inputs.together and len(stems) > 1 else _each(inputs.files)
     run = open_result(inputs.run) if inputs.run is not None else None
     prepared = tuple(_prepared(name, content, run, inputs, named, competing) for name, content in contents.items())
     first = prepared[0].source
@@ -164,6 +165,20 @@ def prepare(inputs: Inputs, named: Sequence[str] = (), competing: Sequence[Effec
     return prepared
 
 
+def _each(files: Sequence[Path]) -> dict[str, Plan | Campaign]:
+    return {path.stem: read_plan(path) if path.suffix == ".toml" else read_campaign(path) for path in files}
+
+
+def _as_one(files: Sequence[Path]) -> dict[str, Plan | Campaign]:
+    raise_errors(
+        Issue(f"FILE {path.name}", "a plan cannot be joined with other files", "Name one plan, or campaigns")
+        for path in files
+        if path.suffix == ".toml"
+    )
+    campaign = joined([read_campaign(path) for path in files], [path.stem for path in files])
+    return {f"{files[0].stem} and {len(files) - 1} more": campaign}
+
+
 def _prepared(
     name: str,
     content: Plan | Campaign,
@@ -173,7 +188,9 @@ def _prepared(
     competing: Sequence[Effect],
 ) -> Prepared:
     base = _base_model(content, inputs)
-    model, notes = _one_value_each(with_effects(base, *(find_effect(name) for name in inputs.effects), *competing))
+    laws = laws_of_run(run) if run is not None else ()
+    extended = with_effects(base, *(find_effect(name) for name in inputs.effects), *competing)
+    model, notes = _one_value_each(with_laws(extended, laws))
     if isinstance(content, Plan):
         source = planned_source(name, content, model, named, inputs.jobs)
     else:
@@ -207,72 +224,3 @@ def _base_model(content: Plan | Campaign, inputs: Inputs) -> Model:
         return inputs.simulators.get(name) or find_model(name)
     assert isinstance(content, Campaign)
     return default_model({name for m in content.measurements for name in (*m.experiment.inputs, *m.outputs)})
-
-
-def reference_values(space: ParameterSpace, values: FloatArray, at: Mapping[str, float]) -> FloatArray:
-    """The values (d,) with those of ``at`` in place of the parameters that it names.
-
-    Raises
-    ------
-    InputError
-        For unknown names, and values outside their bounds.
-    """
-    issues = []
-    changed = values.copy()
-    for name, value in at.items():
-        if name not in space.names:
-            issues.append(Issue(f"--at {name}", "the model has no such parameter", did_you_mean(name, space.names)))
-            continue
-        own = space[name]
-        if not own.lower <= value <= own.upper:
-            bounds = f"[{own.lower:g}, {own.upper:g}] {own.unit}"
-            issues.append(Issue(f"--at {name}", f"{value:g} lies outside {bounds}", "Give a value inside"))
-        changed[space.index(name)] = value
-    raise_errors(issues)
-    return changed
-
-
-def box_samples(space: ParameterSpace, values: FloatArray, free: tuple[str, ...], count: int, seed: int) -> FloatArray:
-    """Values (d,) first, then scrambled Sobol points in a box around them, (count, d); only ``free`` ones vary."""
-    from scipy.stats import qmc  # late: its import takes half a second
-
-    if count == 1 or not free:
-        return values[None]
-    size = 1 << (count - 1).bit_length()
-    scattered = qmc.Sobol(len(free), rng=seed).random(size)[:count]
-    unit = np.repeat(space.to_unit(values)[None], count, axis=0)
-    places = [space.index(name) for name in free]
-    unit[1:, places] += HALF_WIDTH * (2 * scattered[1:] - 1)
-    moved = space.from_unit(np.clip(unit, 0.0, 1.0))
-    found = np.repeat(values[None], count, axis=0)
-    found[1:, places] = moved[1:, places]
-    return found
-
-
-def posterior_samples(
-    tree: xr.DataTree, space: ParameterSpace, values: FloatArray, count: int, seed: int
-) -> FloatArray:
-    """Posterior median and posterior draws (count, d) of a run's best mode; parameters it lacks keep their values.
-
-    Raises
-    ------
-    InputError
-        If none of the model's parameters was sampled in the run.
-    """
-    modes = tree["modes"].children
-    best = max(modes.values(), key=lambda node: float(node.attrs["probability"]))
-    posterior = best.children.get("posterior")
-    draws = {
-        name: np.asarray(posterior[name].values, dtype=float).ravel()
-        for name in space.names
-        if posterior is not None and name in posterior.data_vars
-    }
-    if not draws:
-        raise InputError.of("--run", "it holds no posterior of this model's parameters", "Name a run of the same model")
-    total = len(next(iter(draws.values())))
-    chosen = np.random.default_rng(seed).integers(total, size=count)
-    found = np.repeat(values[None], count, axis=0)
-    for name, own in draws.items():
-        column = np.append(np.median(own), own[chosen[1:]])
-        found[:, space.index(name)] = np.clip(column, space[name].lower, space[name].upper)
-    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.identification.cells import Cell, identify_cells
 from mofit.identification.joint_combinations import identified_together, shared_names
 from mofit.identification.law_choice import Candidates, alternatives, choose_laws
 from mofit.identification.law_fit import CellEstimates
@@ -24,15 +25,11 @@ from mofit.identification.population import (
     populations,
 )
 from mofit.identification.problem_setup import choose_tests
-from mofit.identification.result import Located
 from mofit.identification.settings import Settings, free_space
-from mofit.identification.stages import locate_minima
 from mofit.models import CONSTANT, FORMS, FREE, SHARED, Law, Model, law_issues
 from mofit.parameters import Parameter
-from mofit.problem import adjusted_posterior
 from mofit.quantities import known_unit
 from mofit.runtime.progress import Progress, silent
-from mofit.sampling import laplace_covariance
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.scopes import scoped
 
@@ -54,6 +51,9 @@ def study_conditions(
     """Identify every combination of the conditions ``settings.over``, and choose the laws.
 
     Each alone; or all together, where a parameter is said to be shared by them.
+
+    With an address ``settings.dask`` the combinations are identified on a cluster, see
+    `mofit.identification.cells.identify_cells`.
 
     Parameters
     ----------
@@ -91,43 +91,38 @@ def study_conditions(
         shared=shared_names(parameters, candidates),
         wide=tuple({name for (name, _), forms in candidates.items() if any(map(_of_logarithm, forms))}),
     )
-    if blank.shared:
-        progress("conditions", 0, 1, f"all {len(groups)} combinations together")
-        used_groups = dict(zip(groups, own_tests, strict=True))
-        estimates, joint = identified_together(campaign.select(used), model, settings, used_groups, blank, until)
-        located = [joint]
-    else:
-        estimates, located = _identified_alone(campaign, model, settings, groups, chosen, blank, progress, until)
-    progress("conditions", len(groups), len(groups), "")
-    evaluations = sum(one.search.evaluations for one in located)
+    cells = [
+        Cell(_said(settings.over, at), campaign.select(names), own)
+        for (at, names), own in zip(groups.items(), own_tests, strict=True)
+    ]
+    estimates, evaluations = _identified(campaign.select(used), cells, model, settings, blank, progress, until)
     if SPECIMEN in settings.over:
         fit, evidence = choose_populations(estimates, settings.laws)
-        found = populations(estimates), outliers(estimates)
-        return LawStudy(estimates, own_tests, fit, evidence, evaluations, *found)
+        odd = outliers(estimates)
+        return LawStudy(estimates, own_tests, fit, evidence, evaluations, populations(estimates, odd), odd)
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
 
 
-def _identified_alone(
+def _identified(
     campaign: Campaign,
+    cells: Sequence[Cell],
     model: Model,
     settings: Settings,
-    groups: Mapping[tuple[float, ...], Sequence[str]],
-    chosen: Sequence[str],
     blank: CellEstimates,
     progress: Progress,
     until: float,
-) -> tuple[CellEstimates, list[Located]]:
-    alone = replace(settings, over=(), laws={})
-    located, cells = [], []
-    for number, (at, names) in enumerate(groups.items()):
-        here = ", ".join(f"{name} = {value:g}" for name, value in zip(settings.over, at, strict=True))
-        progress("conditions", number, len(groups), here)
-        own = [name for name in names if name in chosen]
-        located.append(locate_minima(campaign.select(names), model, alone, own, until=until))
-        cells.append(_estimates(located[-1], blank.parameters))
-    values, covariance = (np.stack(part) for part in zip(*cells, strict=True))
-    return replace(blank, values=values, covariance=covariance), located
+) -> tuple[CellEstimates, int]:
+    """Estimates of all combinations, and the evaluations of their searches."""
+    if blank.shared:
+        progress("conditions", 0, 1, f"all {len(cells)} combinations together")
+        groups = {tuple(at): cell.tests for at, cell in zip(blank.at.tolist(), cells, strict=True)}
+        estimates, located = identified_together(campaign, model, settings, groups, blank, until)
+        progress("conditions", 1, 1, "")
+        return estimates, located.search.evaluations
+    found = identify_cells(cells, model, settings, blank.parameters, progress, until)
+    values, covariance = np.stack([one.values for one in found]), np.stack([one.covariance for one in found])
+    return replace(blank, values=values, covariance=covariance), sum(one.evaluations for one in found)
 
 
 def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
@@ -229,6 +224,10 @@ def unit_of(campaign: Campaign, condition: str) -> str:
     return known_unit(condition) or campaign.units.get(condition, "1")
 
 
+def _said(over: Sequence[str], at: Sequence[float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in zip(over, at, strict=True))
+
+
 def _of_a_stage(model: Model, kind: str) -> bool:
     return any(kind in stage.excitations for stage in model.stages)
 
@@ -245,15 +244,3 @@ def _parameters(model: Model, campaign: Campaign, settings: Settings) -> list[Pa
     """Free parameters of the campaign, with ranges for the data."""
     shared, _ = scoped(free_space(scaled(model, data_scales(model, campaign)), settings))
     return list(shared.parameters)
-
-
-def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[FloatArray, FloatArray]:
-    """Values (P,) at the best minimum, and the covariance (P, P) of their z, see `CellEstimates`."""
-    posterior, minimum = located.posterior, located.minima[0]
-    space = posterior.space
-    values = space.from_unit(minimum.point)
-    covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).hessian)
-    log = np.array([one.scale == "log" for one in space.parameters])
-    width = space.derivative(values) / np.where(log, values, 1.0)
-    index = [space.index(one.name) for one in parameters]
-    return values[index], (covariance * np.outer(width, width))[np.ix_(index, index)]

@@ -108,7 +108,10 @@ def identify(
     chosen = remaining_tests(model, campaign, whole, as_names(tests))
     study = None
     if settings.over:
-        with timer.measure("conditions"), evaluated_in(evaluations_of(model), settings.jobs, settings.timeout):
+        with (
+            timer.measure("conditions"),
+            evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask),
+        ):
             study = study_conditions(campaign, model, settings, chosen, progress=progress, until=refined_until)
         model, settings = study.model(model), study.settings(settings)
     configuration = {

@@ -194,15 +194,14 @@ def _predicted(columns: Sequence[_Column], beta: Sequence[FloatArray]) -> FloatA
 
 def _linearised(z: FloatArray, columns: Sequence[_Column], beta: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the predicted z (G, P, K), and what the estimates exceed them by (G, P)."""
-    here, at = _predicted(columns, beta), 0
-    slope = np.zeros((*z.shape, sum(len(own) for own in beta)))
+    slope, rest, at = np.zeros((*z.shape, sum(len(own) for own in beta))), z.copy(), 0
     for k, (column, own) in enumerate(zip(columns, beta, strict=True)):
-        for j, width in enumerate(column.widths):
-            there = own.copy()
-            there[j] += _DIFFERENCE * width
-            slope[:, k, at + j] = (column.predicted(there) - here[:, k]) / (_DIFFERENCE * width)
+        steps = _DIFFERENCE * column.widths
+        here, *there = column.predicted(np.vstack([own, own + np.diag(steps)]))
+        slope[:, k, at : at + len(own)] = ((np.array(there) - here) / steps[:, None]).T
+        rest[:, k] -= here
         at += len(own)
-    return slope, z - here
+    return slope, rest
 
 
 def _curvature(precision: FloatArray, slope: FloatArray) -> FloatArray:
@@ -248,14 +247,15 @@ class _Column:
         return cls(one, laws, conditions, added, begin, widths, False)
 
     def predicted(self, beta: FloatArray) -> FloatArray:
-        """The parameter in all combinations as its z, (G,)."""
-        count = len(next(iter(self.conditions.values())))
+        """The parameter in all combinations as its z, (..., G), from coefficients (..., k)."""
+        own = {one.name: beta[..., k, None] for k, one in enumerate(self.coefficients, 1)}
+        centre, log = beta[..., 0, None], self.parameter.scale == "log"
         with np.errstate(divide="ignore", over="ignore"):
-            values = values_under(self.parameter, self.laws, self.named(beta), self.conditions)
-            values = np.broadcast_to(values, (count,))
-            if self.parameter.scale != "log":
-                return values
-            return np.asarray(np.clip(np.log(values), -FARTHEST, FARTHEST))
+            own[self.parameter.name] = np.exp(centre) if log else centre
+            values = values_under(self.parameter, self.laws, own, self.conditions)
+            if not self.laws:
+                values = values + np.zeros(len(next(iter(self.conditions.values()))))
+            return np.asarray(np.clip(np.log(values), -FARTHEST, FARTHEST) if log else values)
 
     def named(self, beta: FloatArray) -> dict[str, float]:
         """The value at the centre and the coefficients."""

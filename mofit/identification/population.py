@@ -11,7 +11,7 @@ with :math:`\mu` uniform over the parameter's range and :math:`\ln \tau` uniform
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,10 +62,13 @@ class Outlier:
     """Two-sided, times the number of comparisons."""
 
 
-def populations(cells: CellEstimates) -> tuple[Population, ...]:
-    """The population of every parameter, from the estimates of every specimen."""
-    variances = np.diagonal(cells.covariance, axis1=1, axis2=2)
-    return tuple(_population(cells, k, cells.z[:, k], variances[:, k]) for k in range(len(cells.parameters)))
+def populations(cells: CellEstimates, without: Sequence[Outlier] = ()) -> tuple[Population, ...]:
+    """The population of every parameter, from the estimates of every specimen but those that stand out by it."""
+    variances, found = np.diagonal(cells.covariance, axis1=1, axis2=2), []
+    for k, one in enumerate(cells.parameters):
+        kept = np.delete(np.arange(len(cells.at)), [odd.specimen for odd in without if odd.parameter == one.name])
+        found.append(_population(cells, k, cells.z[kept, k], variances[kept, k]))
+    return tuple(found)
 
 
 def _population(cells: CellEstimates, k: int, z: FloatArray, variance: FloatArray) -> Population:

@@ -17,6 +17,7 @@ from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.models import (
     BlackBoxSystem,
     Channel,
+    Law,
     Model,
     System,
     as_laws,
@@ -103,13 +104,17 @@ def model_of_run(tree: xr.DataTree, model: Model | str | None = None, effects: S
     name, *added = str(tree.attrs["model"]).split("+")
     base = model if isinstance(model, Model) else find_model(model or name)
     found = with_effects(base, *(find_effect(effect) for effect in (effects or added)))
-    configuration = json.loads(tree.attrs["configuration"])
-    found = with_laws(found, as_laws(configuration.get("parameter_laws", ())))
-    used = configuration.get("equations")
+    found = with_laws(found, laws_of_run(tree))
+    used = json.loads(tree.attrs["configuration"]).get("equations")
     if build_system(found).hash() != used:
         what = f"its equations are not those that the run identified ('{tree.attrs['model']}')"
         raise InputError.of(f"model '{found.name}'", what, "Give --model and --effect as they were, or identify anew")
     return found
+
+
+def laws_of_run(tree: xr.DataTree) -> tuple[Law, ...]:
+    """The laws that the parameters of a run follow over conditions."""
+    return as_laws(json.loads(tree.attrs["configuration"]).get("parameter_laws", ()))
 
 
 def require_equations(tree: xr.DataTree) -> None:

@@ -16,7 +16,7 @@ from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model
 from mofit.runtime.claims import LOCK, TakenError, claim
-from mofit.runtime.cluster import connected
+from mofit.runtime.cluster import PATIENCE, on_workers
 from mofit.runtime.files import unwritable, write_text, writing
 from mofit.runtime.names import named_path, shortened
 from mofit.runtime.progress import Progress, silent
@@ -47,7 +47,7 @@ class BatchJob:
     """Processes of this machine."""
     scheduler: str | None = None
     """Address of a Dask scheduler; its workers replace the processes."""
-    patience: float = 15.0
+    patience: float = PATIENCE
     """Seconds to wait for the scheduler's answer."""
 
 
@@ -187,16 +187,8 @@ def on_cluster(tasks: Sequence[Task], scheduler: str, patience: float) -> Iterat
     InputError
         If the extra is not installed, or no scheduler answers.
     """
-    client = connected("--scheduler", scheduler, patience)
-    from distributed import as_completed as finished
-
-    with client:
-        futures = {client.submit(work, task, pure=False): task for task in tasks}
-        for future in finished(futures):
-            try:
-                yield future.result()
-            except Exception:  # noqa: BLE001 - it lost worker after worker
-                yield _died(futures[future])
+    for k, answer in on_workers("--scheduler", scheduler, work, tasks, patience):
+        yield _died(tasks[k]) if answer.error else answer.result
 
 
 def _pool(processes: int) -> ProcessPoolExecutor:

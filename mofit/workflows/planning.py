@@ -80,7 +80,7 @@ def compare(
 
 
 def design(
-    file: str | Path,
+    files: str | Path | Sequence[str | Path],
     *,
     space: str | Path | None = None,
     model: str | None = None,
@@ -106,10 +106,11 @@ def design(
 
     Parameters
     ----------
-    file
-        Campaign, or plan of `mofit.simulate`: the tests that exist, or are planned anyway.
+    files
+        Campaign, or plan of `mofit.simulate`: the tests that exist, or are planned anyway. Several campaigns count as
+        one; the laws of ``run`` over their conditions become part of the model.
     space
-        Design space (TOML), see docs/design.md; by default the range that the tests of the file cover.
+        Design space (TOML), see docs/design.md; by default the range that the tests cover.
     parameters, criterion, combination, discriminate, budget, robust, ignore_existing_tests
         As the options of ``mofit design``.
     model, effects, at, run, samples, seed, jobs, simulations, timeout, dask, progress
@@ -129,9 +130,10 @@ def design(
     from mofit.experimental_design.prepare import Inputs
     from mofit.workflows.shown_experiments import ShownProposal
 
+    several = [files] if isinstance(files, str | Path) else files
     inputs = Inputs(
-        (Path(file),), model, as_names(effects), at or {}, None if run is None else Path(run), samples, seed, jobs,
-        simulations, timeout, dask,
+        tuple(map(Path, several)), model, as_names(effects), at or {}, None if run is None else Path(run), samples,
+        seed, jobs, simulations, timeout, dask,
     )  # fmt: skip
     job = DesignJob(
         inputs, None if space is None else Path(space), as_names(parameters), criterion, combination or {},

@@ -6,7 +6,9 @@ Measured: nrel_dma, storage and loss modulus of a polymer at ten frequencies and
 sweep is the mean of its rows). The model is `havriliak_negami_solid`; tau follows the temperature, all else is shared
 (`--over temperature --law tau=wlf,arrhenius,free --law others=shared`). log10 a_T = log10 tau(T) / tau(T_0) is shown
 with its standard deviation, of every temperature by itself (free) and by the law with the most evidence. Beside it:
-the shift of the storage moduli of neighbouring sweeps onto each other, without any model.
+the shift of the storage moduli of neighbouring sweeps onto each other, without any model. Standard deviations hold for
+the model's shape of the relaxation; overlap, which assumes none, differs by more where the moduli are flat. One of
+several decades means that tau lies at an end of its range.
 
 The published shift factors do not belong to these sweeps but to another specimen, whose master curve is published with
 them: at -5 degC and 1.6 Hz that has 0.4 GPa, the sweeps have 7.5 GPa. So the published master curve is taken apart
@@ -90,7 +92,7 @@ def taken_apart(folder: Path, limits: tuple[float, float]) -> Campaign:
         own = [MEGA * np.exp(np.interp(at, np.log10(reduced), np.log(one))) for one in (storage, loss)]
         sd = SCATTER * np.hypot(*own)
         names = [f"{celsius:g}C_{one:.3g}Hz" for one in frequency]
-        made = sine_tests(frequency, *own, sd, channels=("strain", "stress"), names=names, seed=number)
+        made = sine_tests(frequency, own[0], own[1], sd, channels=("strain", "stress"), names=names, seed=number)
         measurements += [
             replace(one, experiment=replace(one.experiment, conditions={"temperature": celsius + CELSIUS}))
             for one in made.measurements

@@ -23,14 +23,14 @@ from typing import Any
 
 import numpy as np
 
-from mofit.data import Campaign
+from mofit.data import Campaign, Measurement
 from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.results import summary
 from report_page import ROOT, header, made_with, table, write_page
 
 sys.path.insert(0, str(ROOT / "tests" / "support"))
-import tyre_reference as reference
+import tyre_reference as reference  # type: ignore[import-not-found]
 
 NOISE, TORQUE_NOISE = 10.0, 0.5
 SINES = ((0.15, 1.0), (0.04, 2.0), (0.02, 5.0), (0.05, 8.0))
@@ -49,7 +49,7 @@ def longitudinal(rng: np.random.Generator) -> Campaign:
 
 def combined(rng: np.random.Generator) -> Campaign:
     """Both slips at frequencies that have no common period in the record."""
-    time_axis, tests = np.arange(250) * 0.02, []
+    time_axis, tests = np.arange(250) * 0.02, list[Measurement]()
     for ratio, angle, first, second in ((0.04, 0.03, 0.3, 0.5), (0.03, 0.05, 1.7, 1.1), (0.12, 0.12, 2.9, 4.3)):
         signals = {"slip_ratio": reference.ratio_of(ratio, first), "slip_angle": reference.ratio_of(angle, second)}
         forces = reference.forces({}, time_axis, *signals.values())

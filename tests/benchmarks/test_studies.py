@@ -17,6 +17,7 @@ PAGES = {
     "memory": "robustness/memory.md",
     "time_temperature": "conditions/time_temperature.md",
     "damper_over_current": "conditions/damper_over_current.md",
+    "specimens": "conditions/specimens.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",
 }
@@ -24,7 +25,7 @@ PAGES = {
 
 @pytest.mark.parametrize("path", [pytest.param(path, id=path.stem) for path in SCRIPTS])
 def test_a_study_imports_and_names_its_page_and_its_command(path: Path) -> None:
-    if path.stem == "batch":
+    if path.stem in ("batch", "specimens"):
         pytest.importorskip("distributed")
     if path.stem == "formats":
         pytest.importorskip("asammdf")

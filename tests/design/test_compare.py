@@ -20,7 +20,8 @@ from mofit.experimental_design.design_job import DesignJob, design_file
 from mofit.experimental_design.identifiability import COMBINATION, IDENTIFIABLE, VERDICTS
 from mofit.experimental_design.pages.comparison import profile_section
 from mofit.experimental_design.pages.frequency import information_over_frequency, loss_peak
-from mofit.experimental_design.prepare import Inputs, box_samples, posterior_samples, prepare, reference_values
+from mofit.experimental_design.parameter_samples import box_samples, posterior_samples, reference_values
+from mofit.experimental_design.prepare import Inputs, prepare
 from mofit.experimental_design.summary import comparison_summary
 from mofit.experimental_design.text import augmentation_sentences
 from mofit.simulation.virtual_rig.rig import simulate

@@ -111,3 +111,14 @@ def test_what_does_not_suit_specimens_is_refused(count, more, message, tmp_path)
     settings = Settings(over=("specimen",), sample=False, jobs=1, **more)
     with pytest.raises(InputError, match=message):
         identify(fleet(STIFFNESSES[:count]), Line(), settings, out=tmp_path / "run")
+
+
+def test_a_specimen_that_stands_out_widens_no_population():
+    cells = drawn(3, 60, spread=1.0)
+    values = cells.values.copy()
+    values[17, 0] += 12.0
+    odd = CellEstimates(cells.parameters, cells.conditions, cells.units, cells.at, values, cells.covariance)
+    named = outliers(odd)
+    assert [one.specimen for one in named] == [17]
+    (whole,), (rest,) = populations(odd), populations(odd, named)
+    assert rest.spread_band[0] < 1.0 < rest.spread_band[1] < whole.spread_band[0]

@@ -12,7 +12,7 @@ from mofit.experimental_design.expected_profiles import SETTINGS as PROFILES
 from mofit.experimental_design.identifiability import IDENTIFIABLE
 from mofit.experimental_design.identifiability import SETTINGS as THRESHOLDS
 from mofit.experimental_design.pages.frequency import branch_section, frequency_section
-from mofit.experimental_design.prepare import HALF_WIDTH
+from mofit.experimental_design.parameter_samples import HALF_WIDTH
 from mofit.experimental_design.text import GRADES, NOTHING, augmentation_sentences
 from mofit.report.directions import direction_texts, principal_directions
 from mofit.report.toolkit.axes import heat_map

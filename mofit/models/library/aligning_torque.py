@@ -6,7 +6,7 @@ import casadi as ca
 
 from mofit.models.library.steady_state import LATERAL_FORCE
 from mofit.models.library.tyres import MaxwellTyre
-from mofit.models.model import Channel, Equations, Symbols
+from mofit.models.model import Channel, Equations, Model, Symbols
 from mofit.parameters import Parameter
 
 # the trail at large slip is small, and its end informs little else: a fixed ratio, typical of car tyres
@@ -40,7 +40,7 @@ def pneumatic_trail(slip: ca.SX, n_0: ca.SX, s_0: ca.SX) -> ca.SX:
     return n_0 * ca.if_else(sigma <= 1, falling, -(1 - weight) * (sigma - 1) * left**2)
 
 
-class MaxwellTyreAligning(MaxwellTyre):
+class MaxwellTyreAligning(Model):
     r"""The Maxwell tyre with its self-aligning torque :math:`M_z = -n(s_c) \, F_y`.
 
     :math:`n` is the trail of `pneumatic_trail` at the slip of the contact patch, :math:`s_c = s - \dot y / v^*`; at
@@ -56,12 +56,15 @@ class MaxwellTyreAligning(MaxwellTyre):
         Parameter("n_0", "m", 1e-3, 0.15, 0.03, "log", "pneumatic trail without slip"),
         Parameter("s_0", "1", 0.03, 1.0, 0.2, "log", "slip at which the pneumatic trail is zero"),
     )
+    states, inputs, conditions = MaxwellTyre.states, MaxwellTyre.inputs, MaxwellTyre.conditions
     outputs = (LATERAL_FORCE, Channel("self_aligning_torque", "N m", "self-aligning torque"))
-    baseline = None
+    typical, excitations, stages = MaxwellTyre.typical, MaxwellTyre.excitations, MaxwellTyre.stages
+    branches = MaxwellTyre.branches
+    default = True
 
     def equations(self, s: Symbols) -> Equations:
         """The Maxwell tyre, and the torque of its force."""
-        found = super().equations(s)
+        found = MaxwellTyre().equations(s)
         force = found.outputs["lateral_force"]
         slip = force / s.quantities["slip_stiffness"]
         trail = s.quantity("pneumatic_trail", pneumatic_trail(slip, s.n_0, s.s_0))

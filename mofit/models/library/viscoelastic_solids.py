@@ -40,7 +40,7 @@ class HavriliakNegamiSolid(Model):
     parameters = (
         Parameter("E_inf", "Pa", 1e5, 1e10, 5e7, "log", "modulus at rest", scales=MODULUS),
         Parameter("dE", "Pa", 1e7, 1e11, 2e9, "log", "modulus that relaxes", scales=MODULUS),
-        Parameter("tau", "s", 1e-25, 1e25, 1.0, "log", "relaxation time"),
+        Parameter("tau", "s", 1e-15, 1e15, 1.0, "log", "relaxation time"),
         Parameter("alpha", "1", 0.05, 1.0, 0.5, description="width of the relaxation", limits=(0.01, 1.0)),
         Parameter("beta", "1", 0.02, 1.0, 0.3, description="asymmetry of the relaxation", limits=(0.01, 1.0)),
         Parameter("tau_d", "s", -2e-4, 2e-4, 0.0, description="delay of the strain behind the stress"),
