@@ -23,6 +23,7 @@ from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
 from mofit.simulation import ExperimentData, Simulator, experiment_data, measured_outputs
 from mofit.simulation.evaluation.draws import outputs_at
+from mofit.simulation.evaluation.evaluations import evaluations_of
 from mofit.simulation.experiment import LEADS
 from mofit.simulation.ranges import data_scales, scaled
 from mofit.simulation.requirements import analysed
@@ -108,7 +109,8 @@ class Identified:
         good = np.isfinite(outputs).all(axis=(1, 2))
         if not good.any():
             message = f"model '{model.name}' gives no finite output at any draw of the run"
-            raise InputError.of(f"test '{measurement.name}'", message, "Check its inputs and conditions")
+            more = "" if evaluations_of(model) is None else ", or give a simulation more time (--timeout)"
+            raise InputError.of(f"test '{measurement.name}'", message, f"Check its inputs and conditions{more}")
         return Response(outputs[good], tuple(scoped), experiment)
 
     def _led(

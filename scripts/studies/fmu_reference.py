@@ -79,6 +79,7 @@ def row(file: Path, interface: str, work: Path) -> dict:
     with evaluated_in(evaluations_of(model), 1):
         best, *_ = find_modes(case.campaign(), model, Settings(seed=0, jobs=1, simulations=LIMIT))
     problem = best.sampled.problem.main
+    assert problem.evaluations is not None
     values = problem.space.from_unit(best.chains.thinned().points.reshape(-1, 1))
     return {
         "mean": float(values.mean()), "sd": float(values.std()), "simulations": problem.evaluations.count,
