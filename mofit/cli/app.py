@@ -83,8 +83,9 @@ Laws = Annotated[
     tuple[str, ...],
     Parameter(
         help="Law of a parameter over the conditions of --over, PARAMETER=LAW, or over one, PARAMETER@CONDITION=LAW: "
-        "constant, linear, quadratic, exponential, power, arrhenius, wlf, free; of several by commas the evidence "
-        "chooses. By default of constant, linear, quadratic and free; repeatable."
+        "constant, shared, linear, quadratic, exponential, power, arrhenius, wlf, free; of several by commas the "
+        "evidence chooses, by default of constant, linear, quadratic and free. PARAMETER others: all not said; "
+        "repeatable."
     ),
 ]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]

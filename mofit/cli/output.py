@@ -107,7 +107,8 @@ def show_identification(summary: Mapping[str, Any], folder: Path) -> None:
         for line in scoped_lines(summary["held_out"]["tests"]):
             console.print(line)
     if summary["search"]:
-        console.print(_search_line(summary["search"]))
+        more = "--simulations" if summary.get("simulations") else "--evaluations"
+        console.print(_search_line(summary["search"], more))
     if summary.get("simulations"):
         console.print(f"Simulator: {simulations_line(summary['simulations'])}")
     console.print(f"{summary['seconds']['total']:.1f} s; report: {folder / 'report.html'}")
@@ -143,8 +144,8 @@ def _errors_of_outputs(summary: Mapping[str, Any]) -> Table:
     return table
 
 
-def _search_line(search: Mapping[str, Any]) -> str:
-    """What the search found, and whether more may be undiscovered."""
+def _search_line(search: Mapping[str, Any], more: str) -> str:
+    """What the search found, whether more may be undiscovered, and the option that gives it more."""
     found = ", ".join(f"{number} by the {stage}" for stage, number in search["found_by"].items())
     line = f"Search: {search['method']}, {search['evaluations']} evaluations, {search['minima']} minima"
     line += f" ({found})." if found else "."
@@ -155,7 +156,7 @@ def _search_line(search: Mapping[str, Any]) -> str:
     spent = (
         ""
         if search["complete"]
-        else " The budget was spent before this number fell below its limit; --evaluations gives more."
+        else f" The budget was spent before this number fell below its limit; {more} gives more."
     )
     return f"{line} Expected undiscovered: {search['expected_undiscovered']:.2g}.{spent}"
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from mofit.cli.app import DONE, FinishedRun, Free, Jobs, Json, MapFile, Tests, app, cores, print_json
+from mofit.cli.app import DONE, FinishedRun, Free, Jobs, Json, MapFile, Tests, Timeout, app, cores, print_json, seconds
 
 
 @app.command
@@ -22,6 +22,7 @@ def predict(
     free: Free = (),
     effect: tuple[str, ...] = (),
     out: Path | None = None,
+    timeout: Timeout = None,
     jobs: Jobs = None,
     as_json: Json = False,
 ) -> int:
@@ -43,11 +44,13 @@ def predict(
     from mofit.cli.output import progress_bar, terminal_console
     from mofit.cli.predictions_shown import show_prediction
     from mofit.models.fmu import fmu_reference
+    from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.predictions import PredictionJob, predict_file
 
     with progress_bar() as progress:
-        named = fmu_reference(model, map_file, free)
-        folder, summary = predict_file(PredictionJob(run, file, test, named, effect, out, cores(jobs)), progress)
+        named, allowed = fmu_reference(model, map_file, free), seconds("--timeout", timeout)
+        job = PredictionJob(run, file, test, named, effect, out, cores(jobs), TIMEOUT if allowed is None else allowed)
+        folder, summary = predict_file(job, progress)
     if as_json:
         print_json(summary)
     else:

@@ -28,7 +28,7 @@ from mofit.data.signals import noise_process
 from mofit.diagnosis.spectral_classes import ORDER, highest_excited, rotational_orders
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.diagnosis.whitening import Whitening
-from mofit.simulation.requirements import undriven
+from mofit.simulation.requirements import exciting_channel, undriven
 
 #: Powers of a signal at every lag, and the number of lags.
 _POWERS, _LAGS = (1, 2, 3), 10
@@ -59,8 +59,8 @@ def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[Flo
     processes, functions = {}, {}
     for output in sorted({output for _, output, w in observed.records if not w.periods}):
         own = [(test, w) for test, of, w in observed.records if of == output and not w.periods]
-        together = zip(_functions(observed, own, output, simulated), _turning(observed, own), own, strict=True)
-        columns = [_centred(np.concatenate([past, turning], axis=1), w) for past, turning, (_, w) in together]
+        kinds = (_functions(observed, own, output, simulated), _turning(observed, own), _halved(observed, own))
+        columns = [_centred(np.concatenate(several, axis=1), w) for (_, w), *several in zip(own, *kinds, strict=True)]
         found = _noise(observed, own, output, simulated, columns)
         for (test, _), w, one in zip(own, found, columns, strict=True):
             processes[test, output], functions[test, output] = w.process, one
@@ -198,16 +198,47 @@ def _functions(
         yield np.concatenate(found, axis=1)
 
 
-def _turning(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> Iterator[FloatArray]:
+def _turning(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> list[FloatArray]:
     """Cosine and sine of what rotates, (samples, q) per record: its angle is another one in each."""
-    orders = [rotational_orders(observed.problem.measurements[test]) for test, _ in own]
-    count = 2 * max(map(len, orders), default=0)
-    for place, ((test, w), rates) in enumerate(zip(own, orders, strict=True)):
-        found = np.zeros((len(observed.problem.measurements[test].time), len(own) * count))
-        phase = 2 * np.pi * w.step * np.outer(np.arange(len(found)), list(rates.values()))
-        here = found[:, place * count : (place + 1) * count]
-        here[:, : len(rates)], here[:, count // 2 : count // 2 + len(rates)] = np.cos(phase), np.sin(phase)
-        yield found
+    found = []
+    for test, w in own:
+        measurement = observed.problem.measurements[test]
+        rates = list(rotational_orders(measurement).values())
+        phase = 2 * np.pi * w.step * np.outer(np.arange(len(measurement.time)), rates)
+        found.append(np.concatenate([np.cos(phase), np.sin(phase)], axis=1))
+    return _each_alone(found)
+
+
+def _halved(observed: WhitenedData, own: Sequence[tuple[int, Whitening]]) -> list[FloatArray]:
+    r"""What answers at half the input's frequency, (samples, q) per record: a power of the input never does.
+
+    Of the input's analytic signal :math:`a e^{i \phi}` cosine and sine of :math:`\phi / 2` times a, and a gain that
+    changes over the record. Which of two periods such a motion follows is another one in each.
+    """
+    problem, found = observed.problem, []
+    for test, w in own:
+        measurement = problem.measurements[test]
+        driven = not undriven(problem.model, measurement.experiment)
+        values = np.asarray(measurement.channel(exciting_channel(problem.model, measurement))) * driven
+        analytic = np.fft.ifft(2 * np.fft.rfft(values - values.mean()), len(values))
+        half = np.abs(analytic) * np.exp(0.5j * np.unwrap(np.angle(analytic)))
+        alone = np.stack([half.real, half.imag], axis=1)
+        found.append(np.concatenate([alone, alone * _elapsed(w, len(half))[:, None]], axis=1))
+    return _each_alone(found)
+
+
+def _each_alone(blocks: Sequence[FloatArray]) -> list[FloatArray]:
+    """Columns (samples, q) per record with a coefficient of their own in each: zeros stand in those of the others."""
+    ends = np.cumsum([block.shape[1] for block in blocks])
+    found = [np.zeros((len(block), ends[-1])) for block in blocks]
+    for wide, block, end in zip(found, blocks, ends, strict=True):
+        wide[:, end - block.shape[1] : end] = block
+    return found
+
+
+def _elapsed(w: Whitening, count: int) -> FloatArray:
+    """Time of every sample: -1 at the first one used, 1 at the last."""
+    return np.asarray(np.clip(2 * (np.arange(count) - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0))
 
 
 def _standardised(signals: Sequence[FloatArray], own: Sequence[tuple[int, Whitening]]) -> list[FloatArray] | None:
@@ -237,7 +268,7 @@ def _of_signal(signal: FloatArray, w: Whitening, lags: FloatArray, order: float)
     number = np.arange(len(signal))
     past: NDArray[np.intp] = np.maximum(number[:, None] - np.round(lags / w.step).astype(np.intp), 0)
     rate = _rate(signal)
-    time = np.clip(2 * (number - w.start) / max(w.count - 1, 1) - 1, -1.0, 1.0)
+    time = _elapsed(w, len(signal))
     columns = [signal[past] ** power for power in _POWERS]
     columns.append(np.stack([rate, np.abs(rate), rate * np.abs(rate), np.sign(rate)], axis=1))
     columns.append(np.stack([signal * time, signal * time**2, signal * order], axis=1))

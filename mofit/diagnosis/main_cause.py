@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.fitting import Fitted, fit_baseline, with_noise_of
+from mofit.diagnosis.fitting import Fitted, fit, fit_baseline, with_noise_of
 from mofit.diagnosis.model_search import Attribution, attribute
 from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
@@ -18,8 +18,9 @@ from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.models import Effect
 from mofit.runtime.progress import Progress
 
-#: Share of its power to which the noise of a record falls where a gap was part of it, and rounds in which it is found.
-_PART_WAS_GAP, _NOISE_ROUNDS = 0.5, 2
+#: Share of its power to which the noise of a record falls where a gap was part of it; rounds in which it is found, and
+#: fits of the best effects in each.
+_PART_WAS_GAP, _NOISE_ROUNDS, _FITS = 0.5, 2, 5
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
 
 
@@ -82,12 +83,24 @@ def investigate(
         observed, best = case.found.baseline.hypothesis.observed, case.found.best
         if not (best.effects and observed.predicted_only.any()):
             break
-        quieter = with_noise_of(best.fitted)
-        if not _falls(observed, quieter):
+        quieter = _with_noise_left(best.fitted)
+        if quieter is observed:
             break
         point = case.found.baseline.minimum.point
         case = _investigated(fit_baseline(quieter, point, seed), effects, settings, progress)
     return case
+
+
+def _with_noise_left(fitted: Fitted) -> WhitenedData:
+    """The tests with the noise that a fit leaves, itself fitted with that noise, as long as it falls."""
+    observed = fitted.hypothesis.observed
+    for _ in range(_FITS):
+        quieter = with_noise_of(fitted)
+        if not _falls(observed, quieter):
+            break
+        observed, here = quieter, fitted.minimum.point[None]
+        fitted = fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here), here)
+    return observed
 
 
 def _falls(before: WhitenedData, after: WhitenedData) -> bool:

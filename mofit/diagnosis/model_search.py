@@ -16,7 +16,11 @@ from mofit.diagnosis.residual_tests import Residuals, residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.identification.widening import WORTH
 from mofit.runtime.progress import Progress, silent
+
+#: Multiple of the expected size, and of the shift of the model's parameters, that a strong effect is fitted from.
+_BEYOND = 2.0
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,19 @@ class _Search:
                 made[one.name] = replace(better, alternative=worse)
         return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)), failed=failed)
 
+    def beyond(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
+        """With refits of the promising effects from sizes beyond those expected, where these end lower."""
+        known = {one.effects: one for one in self.models if len(one.effects) == 1}
+        kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
+        farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
+        limit, better = self.best.criterion + self.settings.contender, dict[tuple[str, ...], CandidateModel]()
+        for one, found in zip(farther, refitted(self.baseline, farther, limit, progress), strict=True):
+            model = None if isinstance(found, str) else rated(found, len(self.candidates))
+            if model is not None and model.criterion < known[one.name,].criterion - WORTH:
+                better[model.effects] = model
+        models = (better.get(one.effects, one) for one in self.models)
+        return replace(self, models=tuple(sorted(models, key=_order)))
+
     def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress) -> _Search:
         """With refits of the baseline plus each of the candidates whose scores promise something."""
         kept, passed_over = promising(scores, share, self.settings.most_refits)
@@ -138,8 +155,9 @@ def attribute(
         return replace(nothing, accounts=accounts_of(scores, state.models, {}, reasons))
     state = state.singly(scores, settings.promising, progress)
     if residual_tests(state.best.fitted).p_value < settings.residual_p_value:
-        # a strong effect bends its own direction: what looked hopeless at neutral size may be right
-        state = state.singly(scores, settings.relaxed_promising, progress)
+        # a strong effect bends its own direction: what looked hopeless at neutral size may be right, and the minimum
+        # may lie far beyond the size that its score lets expect
+        state = state.singly(scores, settings.relaxed_promising, progress).beyond(scores, progress)
     for count in range(1, settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0

@@ -99,6 +99,10 @@ class ScoreTest:
         """Shift of the model's parameters that the expected effect causes where it is left out, (d,)."""
         return np.asarray(self.biases[self.best])
 
+    def farther(self, factor: float) -> ScoreTest:
+        """The same as if a multiple of the size were expected."""
+        return replace(self, sizes=factor * self.sizes, biases=factor * self.biases)
+
     @property
     def alternative(self) -> ScoreTest | None:
         """The same with the effect present in the calibration tests if it was not, or the reverse; None if equal."""

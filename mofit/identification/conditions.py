@@ -13,6 +13,7 @@ from mofit.data import Campaign
 from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
 from mofit.identification.cells import Cell, identify_cells
+from mofit.identification.joint_combinations import identified_together, shared_names
 from mofit.identification.law_choice import Candidates, alternatives, choose_laws
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
@@ -25,7 +26,7 @@ from mofit.identification.population import (
 )
 from mofit.identification.problem_setup import choose_tests
 from mofit.identification.settings import Settings, free_space
-from mofit.models import CONSTANT, FORMS, FREE, Law, Model, law_issues
+from mofit.models import CONSTANT, FORMS, FREE, SHARED, Law, Model, law_issues
 from mofit.parameters import Parameter
 from mofit.quantities import known_unit
 from mofit.runtime.progress import Progress, silent
@@ -34,6 +35,8 @@ from mofit.simulation.scopes import scoped
 
 #: laws that the evidence chooses from where none is said
 CHOICES = (CONSTANT, "linear", "quadratic", FREE)
+#: name that stands for every parameter whose law is not said
+EVERY = "others"
 
 
 def study_conditions(
@@ -45,7 +48,9 @@ def study_conditions(
     progress: Progress = silent,
     until: float = math.inf,
 ) -> LawStudy:
-    """Identify every combination of the conditions ``settings.over`` alone, and choose the laws.
+    """Identify every combination of the conditions ``settings.over``, and choose the laws.
+
+    Each alone; or all together, where a parameter is said to be shared by them.
 
     With an address ``settings.dask`` the combinations are identified on a cluster, see
     `mofit.identification.cells.identify_cells`.
@@ -76,26 +81,48 @@ def study_conditions(
     else:
         candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
     own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
-    cells = [
-        Cell(_said(settings.over, at), campaign.select(names), own)
-        for (at, names), own in zip(groups.items(), own_tests, strict=True)
-    ]
-    found = identify_cells(cells, model, settings, parameters, progress, until)
-    estimates = CellEstimates(
+    blank = CellEstimates(
         parameters=tuple(parameters),
         conditions=tuple(settings.over),
         units=tuple(unit_of(campaign, name) for name in settings.over),
         at=np.array(list(groups)),
-        values=np.stack([one.values for one in found]),
-        covariance=np.stack([one.covariance for one in found]),
+        values=np.empty((0, len(parameters))),
+        covariance=np.empty((0, len(parameters), len(parameters))),
+        shared=shared_names(parameters, candidates),
+        wide=tuple({name for (name, _), forms in candidates.items() if any(map(_of_logarithm, forms))}),
     )
-    evaluations = sum(one.evaluations for one in found)
+    cells = [
+        Cell(_said(settings.over, at), campaign.select(names), own)
+        for (at, names), own in zip(groups.items(), own_tests, strict=True)
+    ]
+    estimates, evaluations = _identified(campaign.select(used), cells, model, settings, blank, progress, until)
     if SPECIMEN in settings.over:
         fit, evidence = choose_populations(estimates, settings.laws)
         odd = outliers(estimates)
         return LawStudy(estimates, own_tests, fit, evidence, evaluations, populations(estimates, odd), odd)
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
+
+
+def _identified(
+    campaign: Campaign,
+    cells: Sequence[Cell],
+    model: Model,
+    settings: Settings,
+    blank: CellEstimates,
+    progress: Progress,
+    until: float,
+) -> tuple[CellEstimates, int]:
+    """Estimates of all combinations, and the evaluations of their searches."""
+    if blank.shared:
+        progress("conditions", 0, 1, f"all {len(cells)} combinations together")
+        groups = {tuple(at): cell.tests for at, cell in zip(blank.at.tolist(), cells, strict=True)}
+        estimates, located = identified_together(campaign, model, settings, groups, blank, until)
+        progress("conditions", 1, 1, "")
+        return estimates, located.search.evaluations
+    found = identify_cells(cells, model, settings, blank.parameters, progress, until)
+    values, covariance = np.stack([one.values for one in found]), np.stack([one.covariance for one in found])
+    return replace(blank, values=values, covariance=covariance), sum(one.evaluations for one in found)
 
 
 def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
@@ -149,7 +176,7 @@ def law_candidates(
     known = {one.name: one for one in parameters}
     for key, forms in settings.laws.items():
         name, _, condition = key.partition("@")
-        if name not in known:
+        if name not in (EVERY, *known):
             issues.append(Issue(f"--law {key}={forms}", f"no free parameter '{name}'", did_you_mean(name, known)))
         if condition and condition not in settings.over:
             hint = f"--over names {', '.join(settings.over) or 'none'}"
@@ -157,7 +184,9 @@ def law_candidates(
     for one in parameters:
         for k, condition in enumerate(settings.over):
             values = np.unique(at[:, k])
-            said = settings.laws.get(f"{one.name}@{condition}", settings.laws.get(one.name, ""))
+            said = settings.laws.get(
+                f"{one.name}@{condition}", settings.laws.get(one.name, settings.laws.get(EVERY, ""))
+            )
             choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
             found[one.name, condition] = tuple(form for form in choices if said or _determined(form, values, at))
             issues += [
@@ -171,11 +200,15 @@ def _determined(form: str, values: FloatArray, at: FloatArray) -> bool:
     """Whether so many values determine a law; a value for each is one more than a law where there are enough."""
     if form == FREE:
         return len(at) > max(one.values for one in FORMS.values())
-    return form == CONSTANT or len(values) >= FORMS[form].values
+    return form in (CONSTANT, SHARED) or len(values) >= FORMS[form].values
+
+
+def _of_logarithm(form: str) -> bool:
+    return form in FORMS and FORMS[form].of_logarithm
 
 
 def _unsuitable(parameter: Parameter, condition: str, form: str, values: FloatArray, campaign: Campaign) -> list[Issue]:
-    if form in (CONSTANT, FREE):
+    if form in (CONSTANT, SHARED, FREE):
         return []
     low, high = float(values[0]), float(values[-1])
     law = Law(parameter.name, condition, form, (low + high) / 2, (high - low) / 2, unit_of(campaign, condition))

@@ -1,23 +1,27 @@
-"""Descents with a costly simulator: few starts, and no step that changes less than a chart would show."""
+"""Descents from the points of a search; with a costly simulator few of them, and no step too small for a chart."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import time
 from dataclasses import replace
 
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.optimize import RefineSettings
+from mofit.optimize import STAGES, RefineSettings, SearchResult, merge, refine
+from mofit.optimize.linkage import linked_starts
 from mofit.optimize.local_minima import Closeness
-from mofit.problem import Problem
+from mofit.optimize.minima_archive import expected_undiscovered
+from mofit.problem import Problem, explained
 
 #: A simulator's noise hides smaller gains than these: 1e-2 standard deviations. What the descent leaves the sampling
 #: finds, since the emulator is trained around the end and not only there.
 COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-4, most_damping=1e5)
-#: Share of the simulations left that descents from all starts may take, and the steps of each.
-SHARE, STEPS = 0.3, 8
+#: Share of the simulations left that descents may take, and the steps that one is expected to take.
+SHARE, STEPS = 0.5, 8
+#: Descents that begin together, and the expected number of undiscovered minima at which no others begin.
+ROUND, UNDISCOVERED = 4, 0.5
 
 
 def settings_for(
@@ -27,12 +31,50 @@ def settings_for(
     return replace(RefineSettings() if problem.evaluations is None else COSTLY, merge=merge, until=until)
 
 
-def few_starts(problem: Problem, starts: FloatArray, found_by: Sequence[str]) -> tuple[FloatArray, list[str]]:
-    """As many starts (k, d) as the simulations allow, best first; all of them where these cost nothing."""
-    if problem.evaluations is None or np.isinf(problem.evaluations.left):
-        return starts, list(found_by)
-    per_step = len(problem.tests) * (1 + len(problem.space))
-    most = max(1, int(SHARE * problem.evaluations.left / (STEPS * per_step)))
-    cost = problem.objectives(starts).sum(axis=1)  # known from the search
-    order = np.argsort(np.where(np.isfinite(cost), cost, np.inf), kind="stable")[:most]
-    return starts[order], [found_by[k] for k in order]
+def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
+    """The minima that the search archived, its best point of each objective, and the stage that found each."""
+    best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
+    stages = dict.fromkeys(best, "")
+    if found.found_by:
+        stages = {row: STAGES[0] if row in found.generations else STAGES[1] for row in best}
+        stages |= dict(zip(found.archived.tolist(), found.found_by, strict=True))
+    rows = list(dict.fromkeys([*found.archived.tolist(), *best]))
+    return found.points[rows], [stages.get(row, "") for row in rows]
+
+
+def completed(problem: Problem, found: SearchResult, until: float = math.inf) -> tuple[SearchResult, FloatArray]:
+    """A search of a costly simulator, completed by descents of the simulator itself, and the minima (k, d) they reach.
+
+    The minima of a surrogate of the cost may be few: it is too coarse to show a narrow one. So descents begin at its
+    minima and at all evaluated points with none better near (single linkage), best first, until few minima are
+    expected undiscovered (`expected_undiscovered`) or their share of the simulations is spent.
+
+    Parameters
+    ----------
+    problem, found
+        What was searched, with simulations counted, and the outcome.
+    until
+        That of `RefineSettings`.
+    """
+    evaluations = problem.evaluations
+    assert evaluations is not None
+    rows = list(dict.fromkeys([*found.archived.tolist(), *linked_starts(found.points, found.cost, 1.0)]))
+    before, allowed = evaluations.count, SHARE * evaluations.left
+    each = STEPS * len(problem.tests) * (1 + len(problem.space))
+    minima, tried, undiscovered = found.points[:0], 0, math.inf
+    settings = settings_for(problem, until=until)
+    while tried < len(rows) and undiscovered > UNDISCOVERED and time.monotonic() < until:
+        spent = evaluations.count - before
+        affordable = (allowed - spent) // (max(spent, 1) / tried if tried else each)
+        if tried and affordable < 1:
+            break
+        batch = rows[tried : tried + int(np.clip(affordable, 1, ROUND))]
+        with explained(problem):
+            ends = refine(problem.evaluate, np.concatenate([minima, found.points[batch]]), settings)
+        reached = merge(ends, values=lambda u: -problem.log_posterior(u))
+        minima, tried = np.stack([minimum.point for minimum in reached]), tried + len(batch)
+        undiscovered = expected_undiscovered(tried, len(minima))
+    complete = undiscovered <= UNDISCOVERED
+    if tried == len(rows) and not complete:  # no start is left: how many basins there are these few do not tell
+        return found, minima
+    return replace(found, expected_undiscovered=undiscovered, complete=complete), minima

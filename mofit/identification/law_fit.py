@@ -1,6 +1,6 @@
 r"""Laws fitted to the estimates of every combination of conditions, with their evidence.
 
-Each combination g was fitted alone: estimates :math:`\hat z_g` with covariance :math:`C_g`, of the logarithm where a
+Each combination g was fitted: estimates :math:`\hat z_g` with covariance :math:`C_g`, of the logarithm where a
 parameter's scale is logarithmic. Laws with coefficients :math:`\beta` predict :math:`z_g(\beta)`, and
 
 .. math:: \chi^2(\beta) = \sum_g (\hat z_g - z_g(\beta))^T C_g^{-1} (\hat z_g - z_g(\beta))
@@ -29,6 +29,8 @@ from mofit.sampling.laplace import PRIOR_PRECISION
 
 #: Gauss-Newton steps, halvings of each, and the gain in chi square below which they end; laws are nearly linear
 STEPS, HALVINGS, LEAST_GAIN = 30, 8, 1e-6
+#: Logarithms beyond which a law has gone astray: what overflows stays a number.
+FARTHEST = 1e3
 #: Step of the difference quotients, as a share of a coefficient's range.
 _DIFFERENCE = 1e-6
 
@@ -51,6 +53,12 @@ class CellEstimates:
     """(G, P), in SI units."""
     covariance: FloatArray
     """(G, P, P), of z."""
+    shared: tuple[str, ...] = ()
+    """Parameters that all combinations determined together: one value, the same in every row."""
+    joint_precision: FloatArray | None = None
+    """With shared ones, what each combination adds to the precision of all estimates, (G, P, P)."""
+    wide: tuple[str, ...] = ()
+    """Parameters with laws of their logarithm to choose from: as far as these change them, free values may lie."""
 
     @cached_property
     def log(self) -> FloatArray:
@@ -65,7 +73,14 @@ class CellEstimates:
     @cached_property
     def precision(self) -> FloatArray:
         """(G, P, P)."""
+        if self.joint_precision is not None:
+            return self.joint_precision
         return np.asarray(np.linalg.inv(self.covariance), dtype=float)
+
+    @property
+    def count(self) -> int:
+        """Number of estimates."""
+        return len(self.at) * (len(self.parameters) - len(self.shared)) + len(self.shared)
 
     @cached_property
     def sd(self) -> FloatArray:
@@ -115,7 +130,7 @@ def fit_laws(cells: CellEstimates, forms: Assignment, start: Mapping[str, float]
     kept = [k for k, column in enumerate(columns) if not column.free]
     given = [k for k, column in enumerate(columns) if column.free]
     lawful = [columns[k] for k in kept]
-    inverse = np.linalg.inv(cells.covariance[:, kept][:, :, kept]) if given else cells.precision
+    inverse = np.linalg.inv(np.linalg.inv(cells.precision)[:, kept][:, :, kept]) if given else cells.precision
     precision = np.asarray(inverse, dtype=float)
     if not lawful:
         return LawFit(dict(forms), (), {}, 0.0, 0, -_volume(cells, columns, given))
@@ -128,7 +143,7 @@ def fit_laws(cells: CellEstimates, forms: Assignment, start: Mapping[str, float]
     for column, own in zip(lawful, beta, strict=True):
         values |= column.named(own)
     laws = tuple(law for column in lawful for law in column.laws)
-    return LawFit(dict(forms), laws, values, value, cells.z.size - count, float(evidence))
+    return LawFit(dict(forms), laws, values, value, cells.count - count, float(evidence))
 
 
 def _minimised(
@@ -220,7 +235,8 @@ class _Column:
         conditions = {name: cells.at[:, j] for j, name in enumerate(cells.conditions)}
         if FREE in own.values():
             # the first as the value at the centre, the others as what a law changes
-            widths = np.array([width, *[2.0 if log else width] * (len(cells.at) - 1)])
+            change = 2.0 if log and one.name not in cells.wide else width
+            widths = np.array([width, *[change] * (len(cells.at) - 1)])
             return cls(one, (), conditions, (), np.empty(0), widths, True)
         laws = tuple(cells.law(one.name, q, form) for q, form in own.items() if form in FORMS)
         added = tuple(p for law in laws for p in law_parameters(law, one))
@@ -239,7 +255,7 @@ class _Column:
             values = values_under(self.parameter, self.laws, own, self.conditions)
             if not self.laws:
                 values = values + np.zeros(len(next(iter(self.conditions.values()))))
-            return np.asarray(np.log(values)) if log else values
+            return np.asarray(np.clip(np.log(values), -FARTHEST, FARTHEST) if log else values)
 
     def named(self, beta: FloatArray) -> dict[str, float]:
         """The value at the centre and the coefficients."""

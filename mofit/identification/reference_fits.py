@@ -11,12 +11,13 @@ import xarray as xr
 from mofit.data import Campaign
 from mofit.identification.allowance import enough_alone
 from mofit.identification.calibration import stage_model
+from mofit.identification.descents import starts_of
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.refinement import refined
 from mofit.identification.result import LocalFit, Located
 from mofit.identification.result_tree.comparison import baseline_groups, per_frequency
 from mofit.identification.settings import Settings
-from mofit.identification.stages import fit, starts_of
+from mofit.identification.stages import fit
 from mofit.models import Model, find_model, laws_of, with_laws
 from mofit.problem import Problem, adjusted_posterior
 from mofit.runtime.progress import StageTimer

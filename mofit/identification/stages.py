@@ -14,7 +14,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
-from mofit.identification.descents import few_starts, settings_for
+from mofit.identification.descents import completed, settings_for, starts_of
 from mofit.identification.findings import Finding
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
@@ -29,7 +29,7 @@ from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
-from mofit.optimize import STAGES, Minimum, SearchResult, merge, only_point, refine
+from mofit.optimize import Minimum, SearchResult, merge, only_point, refine
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
@@ -105,7 +105,7 @@ def _located(
     with timer.measure("search"):
         found, weights = _started(searched, setup) or search(searched, setup.settings, partial(progress, "search"))
     with timer.measure("refine"):
-        starts = few_starts(searched, *starts_of(found))
+        found, starts = _with_starts(searched, found, until)
         tell(searched, starts[0])
         progress("refine", 0, 1, "")
         searched, rough = refined(searched, *starts, until)
@@ -157,18 +157,17 @@ def search(
 def fit(setup: ProblemSetup) -> LocalFit:
     """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
     found, _ = search(setup.searched, setup.settings)
-    return LocalFit(*refined(setup.searched, *few_starts(setup.searched, *starts_of(found))))
+    return LocalFit(*refined(setup.searched, *_with_starts(setup.searched, found)[1]))
 
 
-def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
-    """The minima that the search archived, its best point of each objective, and the stage that found each."""
-    best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
-    stages = dict.fromkeys(best, "")
-    if found.found_by:
-        stages = {row: STAGES[0] if row in found.generations else STAGES[1] for row in best}
-        stages |= dict(zip(found.archived.tolist(), found.found_by, strict=True))
-    rows = list(dict.fromkeys([*found.archived.tolist(), *best]))
-    return found.points[rows], [stages.get(row, "") for row in rows]
+def _with_starts(
+    problem: Problem, found: SearchResult, until: float = math.inf
+) -> tuple[SearchResult, tuple[FloatArray, Sequence[str]]]:
+    """The search, of a costly simulator completed, and the starts (k, d) of the refinement, each with its stage."""
+    if problem.evaluations is None:
+        return found, starts_of(found)
+    found, minima = completed(problem, found, until)
+    return found, (minima, [""] * len(minima))
 
 
 def adjusted_modes(

@@ -26,8 +26,9 @@ from mofit.models.model import TARGET_UNIT, Applied, Condition, Model, Symbols
 from mofit.parameters import Parameter
 from mofit.quantities import title_of
 
-#: no law, and a value of its own under every condition: laws without coefficients
-CONSTANT, FREE = "constant", "free"
+#: laws without coefficients: none; none, and one value for all combinations also where each is identified for itself;
+#: and a value of its own under every condition
+CONSTANT, SHARED, FREE = "constant", "shared", "free"
 
 
 @dataclass(frozen=True)
@@ -225,7 +226,7 @@ def law_issues(law: Law, parameter: Parameter) -> list[Issue]:
     """Why a law does not suit its parameter or its condition."""
     where = f"--law {law.parameter}={law.form}"
     if law.form not in FORMS:
-        return [Issue(where, "unknown law", did_you_mean(law.form, (CONSTANT, *FORMS, FREE)))]
+        return [Issue(where, "unknown law", did_you_mean(law.form, (CONSTANT, SHARED, *FORMS, FREE)))]
     if not FORMS[law.form].of_logarithm:
         return []
     found = []

@@ -67,9 +67,9 @@ class GaussianProcess:
     def mean_and_slope(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Posterior mean (N, T) and its gradient (N, T, d)."""
         near = correlation(u, self.points, self.lengths)
-        offset = (self.points[None] - u[:, None]) / self.lengths**2
-        slope = np.einsum("nk,nkd,kt->ntd", near, offset, self._coefficients, optimize=True)
-        return np.asarray(self.centre + near @ self._coefficients), np.asarray(slope)
+        pull = near[:, None] * self._coefficients.T  # (N, T, n): of every point on every output
+        slope = (pull @ self.points - pull.sum(axis=-1, keepdims=True) * u[:, None]) / self.lengths**2
+        return np.asarray(self.centre + pull.sum(axis=-1)), np.asarray(slope)
 
     def deviation(self, u: FloatArray) -> FloatArray:
         """Posterior standard deviation relative to `scale`, shape (N,): 0 at evaluated points, 1 far from all."""

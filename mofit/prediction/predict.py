@@ -8,6 +8,7 @@ from pathlib import Path
 import xarray as xr
 
 from mofit.data import Campaign, read_campaign
+from mofit.errors import InputError
 from mofit.models import Model
 from mofit.prediction.records import predict_records
 from mofit.prediction.result import prediction_tree
@@ -15,7 +16,7 @@ from mofit.results import open_result
 from mofit.results.export import model_of_run
 from mofit.runtime.progress import Progress, silent
 from mofit.simulation.evaluation.evaluations import evaluations_of
-from mofit.simulation.evaluation.executors import evaluated_in
+from mofit.simulation.evaluation.executors import TIMEOUT, evaluated_in
 
 
 def predict(
@@ -26,6 +27,7 @@ def predict(
     effects: Sequence[str] = (),
     tests: Sequence[str] = (),
     jobs: int = 1,
+    timeout: float = TIMEOUT,
     progress: Progress = silent,
 ) -> xr.DataTree:
     """Predict the tests of a campaign from a run: a 90 % band of parameters, noise and model error.
@@ -43,6 +45,8 @@ def predict(
         Names of the tests to predict; by default all.
     jobs
         Threads; results do not depend on it.
+    timeout
+        Seconds that one simulation of a simulator of your own may take.
     progress
         Called as ``progress(stage, done, total, note)``.
 
@@ -57,12 +61,15 @@ def predict(
     Raises
     ------
     InputError
-        If the model is not the one that was identified, or with every channel and condition that a test lacks.
+        If the model is not the one that was identified, the time-out is not above 0 s, or with every channel and
+        condition that a test lacks.
     """
+    if not timeout > 0:
+        raise InputError.of("timeout", f"{timeout:g} s cannot be used", "Give more than 0 s")
     tree = run if isinstance(run, xr.DataTree) else open_result(run)
     records = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
     found = model_of_run(tree, model, effects)
     records = records.select(tests) if tests else records
-    with evaluated_in(evaluations_of(found), jobs):
+    with evaluated_in(evaluations_of(found), jobs, timeout):
         predictions = predict_records(tree, found, records, jobs=jobs, progress=progress)
     return prediction_tree(tree, found, records, predictions)

@@ -13,7 +13,7 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Measurement
-from mofit.data.signals import SignalAnalysis, analyse
+from mofit.data.signals import SignalAnalysis
 from mofit.errors import InputError
 from mofit.models import BlackBoxSystem, Model, System, build_system
 from mofit.parameters import Parameter, ParameterSpace
@@ -21,11 +21,11 @@ from mofit.prediction.draws import posterior_draws
 from mofit.prediction.scoped import ScopedValue, scoped_parameters, scoped_values
 from mofit.problem.scoped_covariance import scoped_covariance
 from mofit.results import parameter_layout
-from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs
+from mofit.simulation import ExperimentData, Simulator, experiment_data, measured_outputs
 from mofit.simulation.evaluation.draws import outputs_at
 from mofit.simulation.experiment import LEADS
 from mofit.simulation.ranges import data_scales, scaled
-from mofit.simulation.requirements import undriven
+from mofit.simulation.requirements import analysed
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import Scopes
 
@@ -94,8 +94,7 @@ class Identified:
             If it succeeds at none.
         """
         model, measured = self.model, measured_outputs(self.model, measurement)
-        driver = None if undriven(model, measurement.experiment) else first_input(model)
-        analysis = analyse(measurement, driver, measured[0]) if measured else _NOTHING
+        analysis = analysed(model, measurement) if measured else _NOTHING
         experiment = experiment_data(model, measurement, analysis, False)
         scoped = scoped_values(self.tree, self.scoped(measurement), measurement, bool(measured))
         count = int(np.clip(MOST_NUMBERS // experiment.measured.size, FEWEST_DRAWS, DRAWS))

@@ -9,14 +9,13 @@ from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.data.repeats import repeated, with_repeats
-from mofit.data.signals import analyse
 from mofit.models import Model, build_system
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.problem.objectives import first_noise
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.problem import TOLERANCE, Problem
-from mofit.simulation import ExperimentData, Simulator, experiment_data, first_input, measured_outputs, require
-from mofit.simulation.requirements import undriven
+from mofit.simulation import ExperimentData, Simulator, experiment_data, require
+from mofit.simulation.requirements import analysed
 from mofit.simulation.scoped_simulator import ScopedSimulator
 from mofit.simulation.scopes import Scopes, scoped
 
@@ -66,10 +65,7 @@ def build_problem(
     shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
     layout = ParameterLayout.of_model(model.parameters, shared, fixed)
     tests = campaign.measurements
-    drivers = [None if undriven(model, test.experiment) else first_input(model) for test in tests]
-    alone = [
-        analyse(test, driver, measured_outputs(model, test)[0]) for test, driver in zip(tests, drivers, strict=True)
-    ]
+    alone = [analysed(model, test) for test in tests]
     repeats = repeated(tests)
     found = zip(tests, with_repeats(tests, alone, repeats), strict=True)
     signals = tuple(replace(analysis, lead=leads.get(test.name, 0.0)) for test, analysis in found)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.data.signals import SignalAnalysis, analyse
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.models import Model
 from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL, TIME, derivations
 
 #: conditions that follow from a test's time axis, see `all_conditions`
 TIME_CONDITIONS = (SAMPLE_INTERVAL.name, RECORD_LENGTH.name, "start_time")
+#: condition that a sine states as its own
+FREQUENCY = "frequency"
 
 
 def measured_outputs(model: Model, measurement: Measurement) -> list[str]:
@@ -26,6 +29,16 @@ def undriven(model: Model, experiment: Experiment) -> bool:
 def first_input(model: Model) -> str:
     """Name of the channel that excites the model; it gives a test's period."""
     return derivations(model.inputs)[model.inputs[0].name][0]
+
+
+def analysed(model: Model, measurement: Measurement) -> SignalAnalysis:
+    """Period, transient and noise of a test that has an output of the model; all inputs that the model reads repeat."""
+    output, experiment = measured_outputs(model, measurement)[0], measurement.experiment
+    if undriven(model, experiment):
+        return analyse(measurement, None, output)
+    first, sources = first_input(model), dict.fromkeys(source for source, _ in derivations(model.inputs).values())
+    beside = tuple(name for name in sources if name != first and name in experiment.inputs)
+    return analyse(measurement, first, output, beside)
 
 
 def exciting_channel(model: Model, measurement: Measurement) -> str:
@@ -96,7 +109,11 @@ def stated_conditions(campaign: Campaign) -> set[str]:
 
 
 def all_conditions(experiment: Experiment) -> dict[str, float]:
-    """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s."""
+    """Conditions of a test, with its sampling interval, its length and its start since the campaign began, all in s.
+
+    Of a sine that states it, its frequency [Hz], too.
+    """
     start = {} if experiment.start_time is None else {"start_time": experiment.start_time}
+    start |= {} if experiment.frequency is None else {FREQUENCY: experiment.frequency}
     axis = {SAMPLE_INTERVAL.name: experiment.step, RECORD_LENGTH.name: experiment.length}
     return {**axis, **start, **experiment.conditions}

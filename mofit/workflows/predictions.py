@@ -13,6 +13,7 @@ from mofit.results import open_result, prediction_summary
 from mofit.runtime.names import slug
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import run_folder
+from mofit.simulation.evaluation.executors import TIMEOUT
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class PredictionJob:
     """Folder to write; None means the next free one in that of the run."""
     jobs: int = 1
     """Threads."""
+    timeout: float = TIMEOUT
+    """Seconds that one simulation of a user's simulator may take."""
 
 
 def predict_file(job: PredictionJob, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
@@ -41,8 +44,9 @@ def predict_file(job: PredictionJob, progress: Progress = silent) -> tuple[Path,
     configuration = {"run": tree.attrs["configuration_hash"], "campaign": campaign.hash(), "tests": list(job.tests)}
     with run_folder(out, "prediction", configuration, resumable=False) as folder:
         found = predict(
-            tree, campaign, model=job.model, effects=job.effects, tests=job.tests, jobs=job.jobs, progress=progress
-        )
+            tree, campaign, model=job.model, effects=job.effects, tests=job.tests, jobs=job.jobs, timeout=job.timeout,
+            progress=progress,
+        )  # fmt: skip
         progress("write", 0, 1, "page")
         write_prediction(found, folder.partial)
     return folder.target, {**prediction_summary(found), "run": str(job.run), "folder": str(folder.target)}

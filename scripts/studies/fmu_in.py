@@ -1,6 +1,7 @@
 """What does mofit make of FMUs that it is given? Writes reports/fmu_in/README.md.
 
-    python scripts/studies/fmu_in.py [--campaigns 100] [--exported N] [--beside 10] [--work FOLDER]
+    python scripts/studies/fmu_in.py [--campaigns 100] [--exported N] [--beside 10] [--reference FOLDER]
+                                     [--work FOLDER]
 
 A spring and a damper in parallel, as an FMU that PythonFMU made (FMI 2.0) and as one that mofit exported (FMI 3.0),
 both for co-simulation with one communication step per sample. Stiffness and damping are drawn from the prior, uniform
@@ -31,6 +32,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+import fmu_reference
 from any_simulator import INTERVAL, kept
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
@@ -230,6 +232,7 @@ def main() -> None:
     parser.add_argument("--campaigns", type=int, default=100)
     parser.add_argument("--exported", type=int, help="campaigns of the exported FMU; as many by default")
     parser.add_argument("--beside", type=int, default=10)
+    parser.add_argument("--reference", type=Path, help="folder with reference FMUs of the FMI project")
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "fmu_in")
     arguments = parser.parse_args()
     work, beside = arguments.work.resolve(), range(min(arguments.beside, arguments.campaigns))
@@ -253,7 +256,8 @@ def main() -> None:
             lines.append(beside_line(f"{peer}, FMU of {title}", [row["estimate"] for row in rows], rows, equations))
     lines.append(beside_line("mofit, equations", [row["mean"] for row in equations], equations, equations))
     more = "" if arguments.exported is None else f" --exported {exported}"
-    command = f"fmu_in.py --campaigns {arguments.campaigns}{more} --beside {len(beside)}"
+    more += "" if arguments.reference is None else " --reference FOLDER"
+    command = f"fmu_in.py --campaigns {arguments.campaigns} --beside {len(beside)}{more}"
     cover = ("FMU by", "campaigns", "truth in the 90 % interval", "standard error if it is 90 %", "simulations",
              "largest error of an emulator, nats", "s (median)")  # fmt: skip
     write_page("fmu_in", [
@@ -262,7 +266,8 @@ def main() -> None:
         "## Beside equations and other programs", "",
         f"The first {len(beside)} campaigns. Estimates of the other programs are points, without an interval: their "
         "shift from the posterior mean is that of a minimum of plain squares.", "", *table(columns, lines),
-        f"Asked for of mofit is a shift of at most {ASKED}: {'reached' if worst <= ASKED else 'not reached'}.",
+        f"Asked for of mofit is a shift of at most {ASKED}: {'reached' if worst <= ASKED else 'not reached'}.", "",
+        *fmu_reference.section(arguments.reference, work),
     ])  # fmt: skip
 
 

@@ -15,6 +15,8 @@ PAGES = {
     "interrupted": "robustness/interrupted.md",
     "interval_coverage": "robustness/coverage.md",
     "memory": "robustness/memory.md",
+    "time_temperature": "conditions/time_temperature.md",
+    "damper_over_current": "conditions/damper_over_current.md",
     "specimens": "conditions/specimens.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",

@@ -32,3 +32,12 @@ def test_it_says_whether_the_search_was_complete(capsys, undiscovered, complete,
     printed = " ".join(capsys.readouterr().out.split())
     assert said in printed
     assert unsaid not in printed
+
+
+@pytest.mark.parametrize(("simulations", "more"), [(None, "--evaluations"), ("counted", "--simulations")])
+def test_it_names_the_option_that_gives_the_search_more(capsys, simulations, more):
+    search = {"method": "surrogate", "evaluations": 50, "minima": 1, "found_by": {}, "expected_undiscovered": 2.0}
+    counted = {"count": 90, "limit": 100, "failed": 0, "refused": 0, "emulators": {}} if simulations else None
+    summary = {"modes": [], "search": {**search, "complete": False}, "findings": [], "warnings": [], "converged": True}
+    show_identification({**summary, "simulations": counted, "seconds": {"total": 1.0}}, Path("run"))
+    assert f"{more} gives more" in " ".join(capsys.readouterr().out.split())

@@ -34,6 +34,19 @@ def test_analyse_takes_the_channels_that_a_model_names():
     assert set(record.noise_floor) == {"force", "displacement"}
 
 
+@pytest.mark.parametrize(("other", "period"), [(2.0, 1.0), (0.7, None)])
+def test_a_period_is_one_of_all_inputs_that_a_model_reads(other, period):
+    rng, time = np.random.default_rng(0), np.arange(500) * 0.01
+    inputs = {"slip_angle": np.sin(2 * np.pi * time), "slip_ratio": np.sin(2 * np.pi * other * time)}
+    force = 900 * inputs["slip_ratio"] + 3 * rng.normal(size=500)
+    units = {"slip_angle": "rad", "slip_ratio": "1", "longitudinal_force": "N"}
+    test = Measurement(Experiment("a", "free", time, inputs), {"longitudinal_force": force}, units)
+    record = analyse(test, driver="slip_angle", beside=("slip_ratio",))
+    assert record.period == (period and pytest.approx(period, rel=1e-4))
+    assert record.transient == 0
+    assert record.noise_sd["longitudinal_force"] == pytest.approx(3.0, rel=0.1)
+
+
 def test_analyse_a_step_and_a_stated_transient():
     time = np.arange(800) * 0.01
     steer = np.where(time > 1, 0.02, 0.0)

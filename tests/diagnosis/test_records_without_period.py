@@ -77,6 +77,32 @@ def past_inputs(data: Campaign) -> float:
     return next(one.p_value for one in residual_tests(baseline(data)).tests if one.name == "past inputs")
 
 
+def swept(half: float) -> Campaign:
+    """The same under two chirps; ``half`` is a line at half their frequency, relative to the force."""
+    rng, time = np.random.default_rng(3), np.arange(COUNT) / RATE
+    measurements = []
+    for k, (low, high) in enumerate(((0.3, 4.0), (4.0, 0.3))):
+        phase = 2 * np.pi * (low * time + (high - low) * time**2 / 2 / time[-1])
+        rate = 2 * np.pi * (low + (high - low) * time / time[-1])
+        x, v = 2e-3 * np.sin(phase), 2e-3 * rate * np.cos(phase)
+        clean = STIFFNESS * x + DAMPING * v
+        force = clean + clean.std() * (half * np.sin(phase / 2 + 0.5) + 0.02 * rng.standard_normal(COUNT))
+        experiment = Experiment(f"chirp {k + 1}", "chirp", time, {"displacement": x, "velocity": v}, {})
+        units = {"displacement": "m", "velocity": "m/s", "force": "N"}
+        measurements.append(Measurement(experiment, {"force": force}, units))
+    return Campaign("spring and damper", "simulated", {}, tuple(measurements))
+
+
+def test_what_answers_at_half_the_frequency_is_a_gap() -> None:
+    assert past_inputs(swept(0.0)) > 1e-3
+    found = baseline(swept(0.05))
+    assert residual_tests(found).p_value < 1e-6
+    # and no part of the noise
+    for i, (_, _, w) in enumerate(found.hypothesis.observed.records):
+        expected = 0.02 * float(found.hypothesis.observed.used_samples(i).std())
+        assert w.noise_sd == pytest.approx(expected, rel=0.1)
+
+
 @pytest.mark.slow
 def test_coloured_noise_is_no_gap() -> None:
     p_values = [past_inputs(campaign(seed, 0.9)) for seed in range(5)]

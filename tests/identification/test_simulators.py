@@ -61,6 +61,8 @@ def test_a_run_predicts_resumes_and_says_what_it_took(tmp_path):
     assert held_out["coverage"] == pytest.approx(0.9, abs=0.05)
     again = predict(tree, campaign(sine_test("d", seed=3)), model=line_simulator(many=True))
     assert float(again["coverage"].values[0]) == pytest.approx(0.9, abs=0.05)
+    with pytest.raises(InputError, match="timeout"):
+        predict(tree, campaign(sine_test("d", seed=3)), model=line_simulator(many=True), timeout=0.0)
 
 
 def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):

@@ -44,6 +44,20 @@ def test_longitudinal_tyre(rng):
     require_truth(tests, "maxwell_tyre_longitudinal", reference.LONGITUDINAL)
 
 
+def test_self_aligning_torque(rng):
+    """The trail from the torque; the force is that of the tyre without."""
+    time, tests, model = np.arange(200) * STEP, [], find_model("maxwell_tyre_aligning")
+    truth = {**reference.LATERAL, "n_0": 0.035, "s_0": 0.18}
+    for amplitude, frequency in ((0.15, 1.0), (0.04, 2.0), (0.02, 5.0), (0.05, 8.0)):
+        angle = reference.ratio_of(amplitude, frequency)
+        forces = reference.forces({}, time, None, angle)
+        test = reference.measurement(f"{frequency} Hz", time, {"slip_angle": angle}, forces, 10.0, rng)
+        torque = reference.aligning_torque(forces[1], angle(time), truth["n_0"], truth["s_0"])
+        outputs = {**test.outputs, "self_aligning_torque": torque + 0.5 * rng.normal(size=len(time))}
+        tests.append(replace(test, outputs=outputs, units={**test.units, "self_aligning_torque": "N m"}))
+    require_truth(tests, model.name, truth)
+
+
 @pytest.mark.slow
 def test_combined_slip(rng):
     """Both slips at frequencies that have no common period in the record."""

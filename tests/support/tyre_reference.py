@@ -87,6 +87,17 @@ def forces(
     return np.array([parts(t, x)[1] for t, x in zip(time, found.y.T, strict=True)]).T
 
 
+def aligning_torque(force: np.ndarray, angle: np.ndarray, n_0: float, s_0: float, speed: float = SPEED) -> np.ndarray:
+    """Torque of a lateral force under a slip angle: TMeasy's trail at the slip of the contact patch, s_E = 1.75 s_0."""
+    slip = np.maximum(np.abs(speed * np.sin(angle) / (speed * np.cos(angle) + 0.01)), 1e-9)
+    curve = [LATERAL[name] for name in ("dF0", "s_M", "F_M")]
+    secant = np.array([tmeasy(one, *curve) for one in slip]) / slip
+    share, weight = np.abs(force) / secant / s_0, 1 / 1.75
+    falling = (1 - weight) * (1 - share) + weight * (1 - (3 - 2 * share) * share**2)
+    beyond = (weight - 1) * (share - 1) * (np.maximum(1.75 - share, 0) / 0.75) ** 2
+    return -force * n_0 * np.where(share <= 1, falling, beyond)
+
+
 def ratio_of(amplitude: float, frequency: float) -> Signal:
     """A sine that starts at zero."""
     return lambda t: amplitude * np.sin(2 * np.pi * frequency * t)

@@ -81,7 +81,9 @@ class SignalAnalysis:
 
 
 @lru_cache(maxsize=_CACHED)
-def analyse(measurement: Measurement, driver: str | None = None, output: str | None = None) -> SignalAnalysis:
+def analyse(
+    measurement: Measurement, driver: str | None = None, output: str | None = None, beside: tuple[str, ...] = ()
+) -> SignalAnalysis:
     """Find period, transient and noise of a test from its data; the label is not used.
 
     Parameters
@@ -92,6 +94,8 @@ def analyse(measurement: Measurement, driver: str | None = None, output: str | N
         Channel that the period is taken from; by default the first input that has one.
     output
         Channel that is an output of the model, where it is not an output by role.
+    beside
+        Other inputs of the model, which must repeat with the period, too: slips of two frequencies have none.
 
     Raises
     ------
@@ -111,7 +115,8 @@ def analyse(measurement: Measurement, driver: str | None = None, output: str | N
     # the tolerance of half a sample is for records cut to whole periods
     periods = int((np.count_nonzero(kept) + 0.5) * experiment.step / period) if period else 0
     frequency = 1 / period if period else None
-    if period and not _repeats(time, measurement.channel(of), kept, period, periods):
+    repeating = (_repeats(time, measurement.channel(name), kept, period, periods) for name in (of, *beside) if period)
+    if period and not all(repeating):
         period, periods, transient, tail = None, 0, experiment.transient or 0.0, 0.0
         kept = steady_samples(time, transient)
     noise = {}

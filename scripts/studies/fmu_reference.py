@@ -1,0 +1,115 @@
+"""The reference FMUs of the FMI project, as far as a folder has them, identified from records that scipy simulates.
+
+They have no inputs: their states run freely from where they start. Get them from
+https://github.com/modelica/Reference-FMUs, or build them there with CMake (``-D FMI_VERSION=2``).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from fmpy import read_model_description
+from scipy.integrate import solve_ivp
+
+from any_simulator import kept
+from mofit._typing import FloatArray
+from mofit.data import Campaign, Experiment, Measurement
+from mofit.identification.settings import Settings
+from mofit.identification.stages import find_modes
+from mofit.models import find_model
+from mofit.simulation.evaluation.evaluations import evaluations_of
+from mofit.simulation.evaluation.executors import evaluated_in
+from report_page import table
+
+#: Simulations that an identification may take, and the noise as a share of the range of each output.
+LIMIT, NOISE = 300, 0.01
+#: A co-simulation steps by Euler's method from one communication point to the next: many of them per sample.
+STEPS = 200
+INTERFACES = ("model exchange", "co-simulation")
+#: What a work folder of the study calls its folder of maps.
+MAPS = "reference"
+
+
+@dataclass(frozen=True)
+class Free:
+    """A reference FMU that runs freely: its outputs, its parameter with the truth, where it starts, its equations."""
+
+    outputs: tuple[str, ...]
+    parameter: str
+    truth: float
+    start: tuple[float, ...]
+    rate: Callable[[FloatArray, float], Sequence[float]]
+    times: FloatArray
+
+    def campaign(self) -> Campaign:
+        """One record of all outputs with white noise."""
+        span, rng = (0.0, float(self.times[-1])), np.random.default_rng(34)
+        found = solve_ivp(lambda t, x: self.rate(x, self.truth), span, self.start, t_eval=self.times, rtol=1e-10,
+                          atol=1e-12)  # fmt: skip
+        measured = {
+            name: values + NOISE * np.ptp(values) * rng.normal(size=len(values))
+            for name, values in zip(self.outputs, found.y, strict=True)
+        }
+        test = Measurement(Experiment("run", "free", self.times, {}, {}), measured, dict.fromkeys(self.outputs, "1"))
+        return Campaign("reference", "simulated", {}, (test,))
+
+
+CASES = {
+    "Dahlquist": Free(("x",), "k", 1.7, (1.0,), lambda x, k: [-k * x[0]], np.linspace(0.0, 5.0, 251)),
+    "VanDerPol": Free(
+        ("x0", "x1"), "mu", 2.3, (2.0, 0.0), lambda x, mu: [x[1], mu * (1 - x[0] ** 2) * x[1] - x[0]],
+        np.linspace(0.0, 20.0, 401),
+    ),
+}  # fmt: skip
+COLUMNS = ("FMU", "FMI", "interface", "parameter", "truth", "mean", "sd", "off, sd", "simulations", "s")
+
+
+def row(file: Path, interface: str, work: Path) -> dict:
+    """What mofit makes of one."""
+    case, maps = CASES[file.stem], work / MAPS
+    maps.mkdir(exist_ok=True)
+    map_file = maps / f"{interface.replace(' ', '-')}.toml"
+    map_file.write_text(f'interface = "{interface}"\nsteps = {STEPS}\n', encoding="utf-8")
+    model, began = find_model(f"{file}:{map_file}"), time.perf_counter()
+    with evaluated_in(evaluations_of(model), 1):
+        best, *_ = find_modes(case.campaign(), model, Settings(seed=0, jobs=1, simulations=LIMIT))
+    problem = best.sampled.problem.main
+    values = problem.space.from_unit(best.chains.thinned().points.reshape(-1, 1))
+    return {
+        "mean": float(values.mean()), "sd": float(values.std()), "simulations": problem.evaluations.count,
+        "seconds": time.perf_counter() - began,
+    }  # fmt: skip
+
+
+def section(folder: Path | None, work: Path) -> list[str]:
+    """The part of the page on them."""
+    files = [] if folder is None else sorted(file for name in CASES for file in folder.resolve().rglob(f"{name}.fmu"))
+    title = ["## Reference FMUs of the FMI project", ""]
+    if not files:
+        where = (
+            "https://github.com/modelica/Reference-FMUs (`cmake -S . -B build -D FMI_VERSION=2; cmake --build build`)"
+        )
+        return [*title, f"Not run for this page: give their folder (`--reference`). They are built from {where}.", ""]
+    lines = []
+    for file in files:
+        version = read_model_description(str(file)).fmiVersion
+        for interface in INTERFACES:
+            name = f"reference-{file.stem}-{version}-{interface.replace(' ', '-')}"
+            found, case = kept(work / f"{name}.json", partial(row, file, interface, work)), CASES[file.stem]
+            lines.append((
+                file.stem, version, interface, case.parameter, f"{case.truth:g}", f"{found['mean']:.5g}",
+                f"{found['sd']:.2g}", f"{abs(found['mean'] - case.truth) / found['sd']:.1f}",
+                f"{found['simulations']} of {LIMIT}", f"{found['seconds']:.0f}",
+            ))  # fmt: skip
+    text = (
+        "They have no inputs: their states run freely from where they start. scipy simulates one record of each, with "
+        f"white noise of {100 * NOISE:g} % of the range of every output; the parameter is free from a tenth of its "
+        f"start value to ten times it. In co-simulation they step by Euler's method; mofit makes "
+        f"{STEPS} steps per sample."
+    )
+    return [*title, text, "", *table(COLUMNS, lines)]
