@@ -21,7 +21,7 @@ import signal
 import threading
 import time
 from collections.abc import Sequence
-from contextlib import redirect_stdout
+from contextlib import nullcontext, redirect_stdout
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,7 @@ def estimated(count: int, seed: int, work: Path, address: str) -> dict[str, Any]
 def page(fleets: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], count: int, fewer: int) -> list[str]:
     """The tables."""
     head = ("specimens", "fleets", "laws as made", "odd one named", "others named", "means held", "spreads held")
-    rows = [[count, len(fleets), *told(fleets, "alone")], [fewer, len(few), *told(few, "alone")]]
+    rows = [[number, len(own), *told(own, "alone")] for number, own in ((count, fleets), (fewer, few)) if own]
     lines = ["## By the estimates of the specimens", "", *table(head, rows)]
     lines += ["## By the joint fit, the odd specimen among them", ""]
     lines += table(("specimens", "means held", "spreads held"), [[count, *told(fleets, "joint")[3:]]])
@@ -190,14 +190,20 @@ def main() -> None:
     file = options.work / f"fleet_{options.count}_{options.seed}.json"
     if not file.exists():
         file.write_text(json.dumps(fleet(options.count, options.seed, options.work)), encoding="utf-8")
-    fleets, few = [json.loads(file.read_text(encoding="utf-8"))], []
-    with cluster() as running:
-        for seed in range(options.seed, options.seed + options.seeds):
-            file = options.work / f"few_{options.few}_{seed}.json"
-            if not file.exists():
+    fleets, few = [json.loads(file.read_text(encoding="utf-8"))], list[dict[str, Any]]()
+    _write(fleets, few, options)
+    seeds = range(options.seed, options.seed + options.seeds)
+    files = {seed: options.work / f"few_{options.few}_{seed}.json" for seed in seeds}
+    with nullcontext() if all(file.exists() for file in files.values()) else cluster() as running:
+        for seed, file in files.items():
+            if running and not file.exists():
                 row = estimated(options.few, seed, options.work, running.scheduler_address)
                 file.write_text(json.dumps(row), encoding="utf-8")
             few.append(json.loads(file.read_text(encoding="utf-8")))
+            _write(fleets, few, options)
+
+
+def _write(fleets: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], options: argparse.Namespace) -> None:
     command = f"specimens.py --count {options.count} --few {options.few} --seeds {len(few)} --seed {options.seed}"
     lines = header("Specimens", __doc__, command, made_with("distributed"))
     text = "\n".join([*lines, *page(fleets, few, options.count, options.few)]).rstrip() + "\n"
