@@ -21,7 +21,7 @@ TOOLS: Mapping[str, tuple[str, ...]] = {
     ),
     "diagnose": tuple("files model map effects test hold_out bounds fix per_test seed out time_limit".split()),
     "design": tuple(
-        "file space model effect parameter criterion discriminate budget run samples plan out force seed "
+        "files space model effect parameter criterion discriminate budget run samples plan out force seed "
         "time_limit".split()
     ),
     "predict": ("run", "file", "test", "model", "map", "effect", "out"),

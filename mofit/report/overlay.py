@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,7 @@ class Overlay:
     simulated: FloatArray
     baseline: FloatArray
     draws: FloatArray
-    fireflies: FloatArray
+    fireflies: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def loops(self) -> bool:
@@ -101,9 +101,7 @@ class Overlay:
     def summary(self) -> dict[str, Any]:
         """Its fields with quantiles in place of the draws: what a page keeps of it as JSON."""
         low, high = self.quantiles
-        kept = {
-            field.name: getattr(self, field.name) for field in fields(self) if field.name not in ("draws", "fireflies")
-        }
+        kept = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in ("draws", "fireflies")}
         return kept | {"low": low, "high": high}
 
     def _cut(self, start: int, end: int) -> Overlay:

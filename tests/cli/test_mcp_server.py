@@ -139,7 +139,14 @@ def test_the_other_tools_work_in_the_folder_of_the_server(session):
         ),
         "design": (
             "design",
-            {"file": "damper.nc", **damper, "space": "space.toml", "parameter": ["d"], "budget": "20 s", "samples": 1},
+            {
+                "files": ["damper.nc"],
+                **damper,
+                "space": "space.toml",
+                "parameter": ["d"],
+                "budget": "20 s",
+                "samples": 1,
+            },
         ),
         "prediction": ("predict", {"run": "run", "file": "log.nc", "out": "predicted"}),
     }

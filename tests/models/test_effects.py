@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mofit.models import Effect, Model, build_system, incompatibility, with_effects
+from mofit.models import Effect, Model, apart, build_system, incompatibility, with_effects
 from mofit.models.registry import effect_names, find_effect, find_model, model_names
 
 CONDITIONS = {
@@ -13,6 +13,7 @@ CONDITIONS = {
     "vertical_force": 3600.0,
     "camber_angle": 0.03,
     "nominal_vertical_force": 4000.0,
+    "frequency": 1.5,
 }
 PAIRS = [
     (model, effect)
@@ -61,7 +62,8 @@ def test_every_effect_fits_some_model():
 @pytest.mark.parametrize(("model", "effect"), PAIRS)
 def test_effect_at_points(model, effect, rng):
     """Nothing changes at neutral, something at typical size, and the slope by the size is what differences say."""
-    base, addition = find_model(model), find_effect(effect)
+    base = find_model(model)
+    addition = apart(find_effect(effect), base)
     extended = with_effects(base, addition)
     plain, changed = Point(base), Point(extended)
     neutral = nominal(extended) | addition.neutral

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import casadi as ca
 
+from mofit.models.library.aligning_torque import MaxwellTyreAligning
 from mofit.models.library.combined_slip import MaxwellTyreCombined
 from mofit.models.library.longitudinal_tyres import (
     KelvinVoigtTyreLongitudinal,
@@ -43,7 +44,7 @@ def quadratic(ratio: ca.SX, nominal: ca.SX, twice: ca.SX) -> ca.SX:
 
 
 def linear(ratio: ca.SX, nominal: ca.SX, twice: ca.SX) -> ca.SX:
-    r"""Straight line, for slips and the stiffness of the carcass: :math:`Y_N + (Y_{2N} - Y_N) (q - 1)`."""
+    r"""Straight line, for slips, the trail and the stiffness of the carcass: :math:`Y_N + (Y_{2N} - Y_N) (q - 1)`."""
     return nominal + (twice - nominal) * (ratio - 1)
 
 
@@ -53,6 +54,8 @@ LAWS: dict[str, tuple[Callable[[ca.SX, ca.SX, ca.SX], ca.SX], float, bool]] = {
     **dict.fromkeys(("F_M", "F_Mx"), (quadratic, 1.9, True)),
     **dict.fromkeys(("s_M", "s_Mx"), (linear, 1.1, False)),
     **dict.fromkeys(("c_y", "c_x"), (linear, 1.1, True)),
+    "n_0": (linear, 1.4, True),
+    "s_0": (linear, 1.1, False),
 }
 
 
@@ -82,8 +85,9 @@ class OverLoad:
     .. math::
         Y(F_z, p) = Y(F_z / F_{zN}) \left(1 + Y_p \, (p / p_N - 1)\right)
 
-    Quadratic through zero for slopes and forces (`quadratic`), linear for slips and the carcass (`linear`). Equations
-    and effects see ``Y`` at the conditions of the test. A subclass names this class and the model at one load.
+    Quadratic through zero for slopes and forces (`quadratic`), linear for slips, trail and carcass (`linear`).
+    Equations and effects see ``Y`` at the conditions of the test. A subclass names this class and the model at one
+    load.
 
     References
     ----------
@@ -143,6 +147,13 @@ class MaxwellTyreOverLoad(OverLoad, MaxwellTyre):
     """Lateral Maxwell tyre whose curve and carcass depend on load and pressure; damper and branch are the same for all.
 
     See `OverLoad` for the laws and `MaxwellTyre` for the equations.
+    """
+
+
+class MaxwellTyreAligningOverLoad(OverLoad, MaxwellTyreAligning):
+    """Lateral force and self-aligning torque over slip angle, load and pressure.
+
+    See `OverLoad` for the laws and `MaxwellTyreAligning` for the equations.
     """
 
 
