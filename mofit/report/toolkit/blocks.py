@@ -94,6 +94,7 @@ class Figure:
     """A drawing with a caption that says what to see, and what good and bad look like; made by `Panels.figure`.
 
     `finding` is what is to be seen in this one; `described` what it is drawn from, None where it can't be explored.
+    `size` is width and height in pixels: a page keeps the place of a picture that comes later.
     """
 
     image: str
@@ -103,6 +104,7 @@ class Figure:
     bad: Markup | str = ""
     finding: Markup | str = ""
     described: Mapping[str, Any] | None = None
+    size: tuple[int, int] = (1075, 400)
     kind: str = "figure"
 
 

@@ -210,7 +210,9 @@ class Panels:
         buffer = io.BytesIO()
         self.canvas.savefig(buffer, format="svg", dpi=144, metadata={"Date": None, "Creator": None})
         address = "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
-        return Figure(address, alt, caption, good, bad, finding, self._described() | features if explore else None)
+        found = self._described() | features if explore else None
+        width, height = (round(96 * length) for length in self.canvas.figure.get_size_inches())
+        return Figure(address, alt, caption, good, bad, finding, found, (width, height))
 
     def _described(self) -> dict[str, Any]:
         """Panels with their parts and axes, each with the labels that the outer ones show for all."""
