@@ -19,8 +19,8 @@ from mofit.simulation.evaluation.surface import PER_COEFFICIENT, coefficients
 
 LogPosterior = Callable[[FloatArray], FloatArray]
 
-#: Error of the log posterior, in nats, at which refining ends: it moves no mean by more than 2 % of a standard
-#: deviation, and that only if it were to grow along one parameter alone.
+#: Error of the log posterior, in nats, at which refining ends: within the draws that check it, it moves no mean by more
+#: than 2 % of a standard deviation, and that only if it were to grow along one parameter alone.
 WANTED = 0.02
 #: Error beyond which the sampled posterior is not to be trusted: densities are wrong by a third.
 ACCEPTED = 0.3

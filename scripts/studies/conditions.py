@@ -1,7 +1,6 @@
 """Parameters over conditions: laws recovered, a condition left out, and the cost. Writes reports/conditions/README.md.
 
     python scripts/studies/conditions.py [--seeds 50] [--sampled 2] [--cells 2 4 8] [--seed 0] [--work FOLDER]
-                                         [--measured]
 
 Simulated: a Maxwell damper under three loads, three pressures and two speeds, integrated by a Runge-Kutta method of
 conditions_cases.py, which shares no code with mofit. Its parameters follow laws: c is linear in load and pressure, d
@@ -15,10 +14,8 @@ the bands that hold the true parameter, the samples of the true output within th
 measured samples within the band with noise. A mean over seeds has its standard error. Beside it stand the fits of the
 combinations alone: standard deviation, and root mean square error against the truth, of a parameter by the laws
 relative to that alone; and how often their intervals hold the truth. The first seeds (--sampled) are sampled with
-emcee, too. The cost is processor time over the number of loads, laws said.
-
-Measured (--measured): strokes of a magneto-rheological damper at 0 A and 0.5 A (mr_damper_sine) as one campaign over
-current, with one stroke left out at both. Rows that the work folder holds already are kept.
+emcee, too. The cost is processor time over the number of loads, laws said. Rows that the work folder holds already are
+kept.
 """
 
 from __future__ import annotations
@@ -47,10 +44,9 @@ from conditions_cases import (
 )
 from conditions_page import page
 from mofit._typing import FloatArray
-from mofit.data import Campaign, import_files, joined
+from mofit.data import Campaign
 from mofit.identification.conditions import study_conditions
 from mofit.identification.findings import of_laws
-from mofit.identification.identify import identify
 from mofit.identification.law_study import LawStudy
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.result import IdentificationResult, Located, PosteriorMode
@@ -60,7 +56,7 @@ from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Model, find_model, values_under
 from mofit.prediction.draws import posterior_draws
 from mofit.prediction.records import Prediction, predict_records
-from mofit.results import parameter_layout, summary
+from mofit.results import parameter_layout
 from report_page import ROOT, header, made_with, write_page
 
 MODEL = "maxwell_damper"
@@ -166,23 +162,6 @@ def cost(count: int) -> dict[str, Any]:
     return {"alone": alone - began, "joint": time.process_time() - alone}
 
 
-def measured(data: Path, work: Path) -> dict[str, Any]:
-    """The magneto-rheological damper over current, a stroke left out."""
-    maps = [ROOT / "data" / "maps" / f"mr_damper_{key}.toml" for key in ("0A", "0x5A")]
-    parts = [import_files([data / "mr_damper_sine"], one) for one in maps]
-    campaign = joined(parts, ["0A", "0.5A"])
-    left = [name for name in campaign.tests if name.endswith("1Hz") and "0.1Hz" not in name]  # 10 mm
-    chosen = Settings(over=("current",), sample=False, jobs=1, seed=0, evaluations=1500)
-    folder, tree = identify(campaign, "bouc_wen_damper", chosen, hold_out=left, out=work / "mr_damper")
-    found = summary(tree, folder)
-    return {
-        "laws": {row["parameter"]: row["law"] for row in found["laws"]["laws"]},
-        "parameters": {name: [e["value"], e["sd"], e["unit"]] for name, e in found["modes"][0]["parameters"].items()},
-        "chi_square": [found["laws"]["chi_square"], found["laws"]["freedom"]],
-        "tests": [[one["test"], one["role"], one["nrmsd"], one["coverage"]] for one in found["held_out"]["tests"]],
-    }
-
-
 def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """A row from its file, or made and written there."""
     if not file.exists():
@@ -199,11 +178,8 @@ def main() -> None:
     parser.add_argument("--cells", type=int, nargs="*", default=[2, 4, 8])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "conditions")
-    parser.add_argument("--data", type=Path, default=ROOT / ".." / "shared" / "data")
-    parser.add_argument("--measured", action="store_true")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
-    mr = kept(options.work / "mr.json", lambda: measured(options.data, options.work)) if options.measured else None
     costs = {count: kept(options.work / f"cost_{count}.json", partial(cost, count)) for count in options.cells}
     rows: dict[bool, list[dict[str, Any]]] = {False: [], True: []}
     for sample, count in ((False, options.seeds), (True, options.sampled)):
@@ -212,10 +188,10 @@ def main() -> None:
             rows[sample].append(kept(file, partial(recovered, seed, sample)))
             command = (
                 f"conditions.py --seeds {len(rows[False])} --sampled {len(rows[True])}"
-                f" --cells {' '.join(map(str, options.cells))} --seed {options.seed}{' --measured' * options.measured}"
+                f" --cells {' '.join(map(str, options.cells))} --seed {options.seed}"
             )
             lines = header("Parameters over conditions", __doc__, command, made_with())
-            write_page("conditions", [*lines, *page(rows[False], rows[True], costs, mr)])
+            write_page("conditions", [*lines, *page(rows[False], rows[True], costs)])
 
 
 if __name__ == "__main__":

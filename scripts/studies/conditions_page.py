@@ -20,7 +20,6 @@ def page(
     rows: Sequence[dict[str, Any]],
     sampled: Sequence[dict[str, Any]],
     costs: dict[int, dict[str, Any]],
-    mr: dict[str, Any] | None,
 ) -> list[str]:
     """The tables."""
     held = [abs(one) <= SIGMAS for row in rows for one in row["z"].values()]
@@ -67,15 +66,6 @@ def page(
             [[n, *(f"{c[key] / by:.2f}" for key in ("alone", "joint") for by in (1, n))] for n, c in costs.items()],
         ),
     ]  # fmt: skip
-    if mr:
-        lines += ["## The magneto-rheological damper over current", ""]
-        lines += table(("parameter", "law"), list(mr["laws"].items()))
-        lines += table(
-            ("parameter", "value", "sd", "unit"),
-            [(n, f"{v:.4g}", f"{s:.2g}", u) for n, (v, s, u) in mr["parameters"].items()],
-        )
-        rows_of_tests = [(n, role, f"{100 * e:.2f} %", f"{100 * c:.0f} %") for n, role, e, c in mr["tests"]]
-        lines += table(("test", "role", "NRMSD", "in the 90 % band"), rows_of_tests)
     return lines
 
 

@@ -11,11 +11,32 @@ noise and model error. Not sampled (Laplace). A run that the work folder holds a
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
+from typing import Any
 
-from conditions import measured
-from report_page import ROOT, header, made_with, table
+from conditions import kept
+from mofit.data import import_files, joined
+from mofit.identification.identify import identify
+from mofit.identification.settings import Settings
+from mofit.results import summary
+from report_page import ROOT, header, made_with, table, write_page
+
+
+def measured(data: Path, work: Path) -> dict[str, Any]:
+    """The magneto-rheological damper over current, a stroke left out."""
+    maps = [ROOT / "data" / "maps" / f"mr_damper_{key}.toml" for key in ("0A", "0x5A")]
+    parts = [import_files([data / "mr_damper_sine"], one) for one in maps]
+    campaign = joined(parts, ["0A", "0.5A"])
+    left = [name for name in campaign.tests if name.endswith("1Hz") and "0.1Hz" not in name]  # 10 mm
+    chosen = Settings(over=("current",), sample=False, jobs=1, seed=0, evaluations=1500)
+    folder, tree = identify(campaign, "bouc_wen_damper", chosen, hold_out=left, out=work / "mr_damper")
+    found = summary(tree, folder)
+    return {
+        "laws": {row["parameter"]: row["law"] for row in found["laws"]["laws"]},
+        "parameters": {name: [e["value"], e["sd"], e["unit"]] for name, e in found["modes"][0]["parameters"].items()},
+        "chi_square": [found["laws"]["chi_square"], found["laws"]["freedom"]],
+        "tests": [[one["test"], one["role"], one["nrmsd"], one["coverage"]] for one in found["held_out"]["tests"]],
+    }
 
 
 def main() -> None:
@@ -25,10 +46,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "damper_over_current")
     options = parser.parse_args()
     options.work.mkdir(parents=True, exist_ok=True)
-    file = options.work / "mr.json"
-    if not file.exists():
-        file.write_text(json.dumps(measured(options.data, options.work)), encoding="utf-8")
-    found = json.loads(file.read_text(encoding="utf-8"))
+    found = kept(options.work / "mr.json", lambda: measured(options.data, options.work))
     chi_square, freedom = found["chi_square"]
     tests = [(n, role, f"{100 * e:.2f} %", f"{100 * c:.0f} %") for n, role, e, c in found["tests"]]
     lines = [
@@ -41,8 +59,7 @@ def main() -> None:
         ),
         f"Chi square of the laws: {chi_square:.1f} with {freedom} estimates to spare.",
     ]
-    page = ROOT / "reports" / "conditions" / "damper_over_current.md"
-    page.write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    write_page("conditions", lines, "damper_over_current.md")
 
 
 if __name__ == "__main__":

@@ -41,9 +41,9 @@ def made_with(*more: str) -> str:
     return f"Python {python[1]}, {', '.join(f'{name} {number}' for name, number in libraries)}."
 
 
-def write_page(study: str, lines: Sequence[str]) -> None:
-    """Write ``reports/<study>/README.md`` and print it."""
-    page = ROOT / "reports" / study / "README.md"
+def write_page(study: str, lines: Sequence[str], file: str = "README.md") -> None:
+    """Write a page of ``reports/<study>`` and print it."""
+    page = ROOT / "reports" / study / file
     page.parent.mkdir(parents=True, exist_ok=True)
     text = "\n".join(lines).rstrip() + "\n"
     page.write_text(text, encoding="utf-8")

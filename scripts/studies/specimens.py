@@ -36,7 +36,7 @@ from mofit.data.join import specimen_name
 from mofit.identification.conditions import study_conditions
 from mofit.identification.settings import Settings
 from mofit.models import find_model
-from report_page import ROOT, header, made_with, table
+from report_page import ROOT, header, made_with, table, write_page
 
 MODEL = "maxwell_damper"
 CENTRE = {"c": 2e4, "d": 300.0, "c_M": 3e4, "d_M": 1500.0, "F_0": 5.0}
@@ -206,9 +206,7 @@ def main() -> None:
 def _write(fleets: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], options: argparse.Namespace) -> None:
     command = f"specimens.py --count {options.count} --few {options.few} --seeds {len(few)} --seed {options.seed}"
     lines = header("Specimens", __doc__, command, made_with("distributed"))
-    text = "\n".join([*lines, *page(fleets, few, options.count, options.few)]).rstrip() + "\n"
-    (ROOT / "reports" / "conditions" / "specimens.md").write_text(text, encoding="utf-8")
-    print(text)
+    write_page("conditions", [*lines, *page(fleets, few, options.count, options.few)], "specimens.md")
 
 
 if __name__ == "__main__":

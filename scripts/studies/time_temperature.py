@@ -38,7 +38,7 @@ from mofit.identification.conditions import study_conditions
 from mofit.identification.law_fit import CellEstimates, fit_laws
 from mofit.identification.settings import Settings
 from mofit.models import find_model, values_under
-from report_page import ROOT, header, made_with, table
+from report_page import ROOT, header, made_with, table, write_page
 
 MODEL, CELSIUS, MEGA = "havriliak_negami_solid", 273.15, 1e6
 FORMS = ("wlf", "arrhenius", "free")
@@ -225,8 +225,7 @@ def main() -> None:
         lines += section(title, row, "published" if of_master else "by overlap", beside)
         command = f"time_temperature.py --seed {options.seed}"
         head = header("Time-temperature superposition", __doc__, command, made_with())
-        page = ROOT / "reports" / "conditions" / "time_temperature.md"
-        page.write_text("\n".join([*head, *lines]).rstrip() + "\n", encoding="utf-8")
+        write_page("conditions", [*head, *lines], "time_temperature.md")
 
 
 if __name__ == "__main__":

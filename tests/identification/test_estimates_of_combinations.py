@@ -2,25 +2,11 @@
 
 import numpy as np
 from scipy.stats import chi2
+from straight_line import UNITS, StraightLine
 
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.conditions import study_conditions
 from mofit.identification.settings import Settings
-from mofit.models import Channel, Equations, Model
-from mofit.parameters import Parameter
-
-
-class Line(Model):
-    """y = k x + b."""
-
-    name = "line"
-    parameters = (Parameter("k", "N/m", 0.1, 10.0, 1.0, "log"), Parameter("b", "N", -10.0, 10.0, 0.0))
-    inputs = (Channel("x", "m"),)
-    outputs = (Channel("y", "N"),)
-
-    def equations(self, s):
-        """No state."""
-        return Equations(outputs={"y": s.k * s.x + s.b})
 
 
 def test_short_records_scatter_about_a_constant_by_their_covariances():
@@ -29,11 +15,11 @@ def test_short_records_scatter_about_a_constant_by_their_covariances():
     for k in range(60):
         x = np.sin(40 * time**2 + k)
         y = 2 * x + 1 + 0.05 * rng.normal(size=len(time))
-        test = Experiment(f"t{k}", "free", time, {"x": x}, {"temperature": 280.0 + k})
-        tests.append(Measurement(test, {"y": y}, {"x": "m", "y": "N"}))
+        test = Experiment(f"t{k}", "free", time, {"displacement": x}, {"temperature": 280.0 + k})
+        tests.append(Measurement(test, {"force": y}, UNITS))
     campaign = Campaign("springs", "simulated", {}, tuple(tests))
     settings = Settings(over=("temperature",), laws={"k": "constant", "b": "constant"}, sample=False, jobs=1)
-    fit = study_conditions(campaign, Line(), settings).fit
+    fit = study_conditions(campaign, StraightLine(), settings).fit
     assert fit.freedom == 118
     assert 0.02 < chi2.sf(fit.chi_square, fit.freedom) < 0.98
     assert abs(fit.values["k"] - 2) < 0.01
