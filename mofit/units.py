@@ -87,6 +87,7 @@ def any_si_unit(unit: str) -> str:
     return normal(f"{base:~C}")
 
 
+@cache
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that mofit converts."""
     try:

@@ -10,7 +10,6 @@ edited map is then imported. Rows that the work folder holds already are kept.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import tempfile
 import time
@@ -19,7 +18,7 @@ from pathlib import Path
 
 from mofit.data import Campaign, import_files, propose_map
 from mofit.errors import InputError
-from report_page import ROOT, header, made_with, table, write_page
+from report_page import ROOT, header, kept, made_with, table, write_page
 
 #: lines of a proposed map that are replaced, by a pattern of the path: (what the line begins with, the new line)
 EDITS: dict[str, tuple[tuple[str, str], ...]] = {
@@ -32,11 +31,10 @@ EDITS: dict[str, tuple[tuple[str, str], ...]] = {
         ("input = ", 'displacement = { column = "qm", unit = "m" }'),
         ("output = ", 'force = { column = "vir", scale = "gtau", unit = "N" }'),
     ),
-    r"battery_pulses/": (("resample = ", 'resample = "10 Hz"\nmax_gap = "1 h"'),),
     r"nrel_dma/": (("deviation = ", "deviation = 0.03"),),
 }
-#: files without a record or a frequency in them
-NO_RECORD = {"freq_user_master__shift_factors.csv": "shift factors by temperature: no record and no moduli"}
+#: files that are no measurement
+NO_RECORD = {"freq_user_master__shift_factors.csv": "shift factors by temperature, which an author computed"}
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Row:
 
 
 def data_files(data: Path) -> list[Path]:
-    """Files of measurements."""
+    """Files of numbers."""
     return sorted(path for path in data.glob("*/*") if path.suffix.lower() in (".gz", ".csv", ".mat"))
 
 
@@ -111,10 +109,8 @@ def main() -> None:
     given.work.mkdir(parents=True, exist_ok=True)
     rows = []
     for path in data_files(given.data):
-        kept = given.work / f"{path.parent.name}-{path.name}.json"
-        if not kept.exists():
-            kept.write_text(json.dumps(vars(measured_row(path))))
-        rows.append(Row(**json.loads(kept.read_text())))
+        file = given.work / f"{path.parent.name}-{path.name}.json"
+        rows.append(Row(**kept(file, lambda path=path: vars(measured_row(path)))))  # type: ignore[misc]
     cells = [
         (
             row.file,
@@ -123,20 +119,25 @@ def main() -> None:
             row.tests,
             row.samples,
             f"{row.seconds:.1f}",
-            row.refused or "imported",
+            "no measurement" if Path(row.file).name in NO_RECORD else row.refused or "imported",
         )
         for row in rows
     ]
     done = [row for row in rows if not row.refused]
     most = max((row.edited for row in done), default=0)
+    measured = [row for row in rows if Path(row.file).name not in NO_RECORD]
     command = "imports.py"
     lines = header("Raw files, imported with --guess", __doc__ or "", command, made_with())
     lines += [
-        f"{len(done)} of {len(rows)} files become campaigns, with at most {most} edited lines each; "
+        f"{len(done)} of {len(measured)} files of measurements become campaigns, at most {most} edited lines each; "
         f"{sum(row.edited == 0 for row in done)} need none. Seconds are wall time of proposal and import on a busy "
         "machine of two cores.",
         "",
-        *[f"Not imported: `{name}` ({why})." for name, why in NO_RECORD.items()],
+        *[
+            f"`{name}` lies beside them and holds no measurement: {why}. It has no time, no input and no output, and "
+            "`--guess` says so."
+            for name, why in NO_RECORD.items()
+        ],
         "",
         *table(("file", "edited lines", "channels", "tests", "samples", "s", "result"), cells),
         "## The edits",

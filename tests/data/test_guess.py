@@ -181,3 +181,36 @@ def test_records_that_are_alike_are_proposed_as_tests(tmp_path, reader):
 def test_stamps_that_are_all_alike_have_no_rate(tmp_path):
     text = propose_map([csv(tmp_path, {"t [s]": 0 * TIME, "alpha [deg]": ANGLE, "Fy [N]": FORCE})])
     assert "resample" not in text
+
+
+def test_the_fastest_of_uneven_records_decides_the_rate_and_a_pulse_runs_straight(tmp_path, reader):
+    """A logger that slows down at rest, and a record that was cut off after a moment, as of a cell that is empty."""
+    rng = np.random.default_rng(3)
+
+    def pulse(duration, step):
+        time = np.cumsum(step * rng.uniform(0.4, 1.6, int(duration / step)))
+        current = np.where(time < duration / 2, 2.5, 0.0)
+        return {"time": time.tolist(), "I [A]": current.tolist(), "U [V]": (4 - 0.1 * current - 0.01 * time).tolist()}
+
+    cells = {"a": pulse(20.0, 0.1), "b": pulse(20.0, 0.1), "empty": pulse(0.7, 0.03)}
+    (tmp_path / "cells.json").write_text(json.dumps(cells))
+    text = propose_map([tmp_path / "cells.json"], reader)
+    (tmp_path / "map.toml").write_text(text)
+    (test,) = tomllib.loads(text)["tests"]
+    assert test["procedure"] == "step"
+    assert float(test["resample"].split()[0]) == pytest.approx(1 / np.median(np.diff(cells["empty"]["time"])), rel=1e-3)
+    assert "3 of 3 records" in text
+    assert "other times" not in text  # those of other records are no rivals
+    campaign = import_files([], tmp_path / "map.toml", reader)
+    assert campaign.tests == ("cells_a", "cells_b", "cells_empty")
+    for measurement in campaign.measurements:
+        values = measurement.channel("current")
+        assert (values.min(), values.max()) == (0.0, 2.5)  # no overshoot where it is switched
+
+
+def test_an_input_that_is_switched_often_is_free_and_runs_straight(tmp_path):
+    levels = np.repeat(np.random.default_rng(0).integers(0, 2, 40), 10)
+    columns = {"t [s]": TIME, "x [mm]": levels, "F [N]": np.cumsum(levels - levels.mean())}
+    test = guessed(tmp_path, columns)
+    assert (test["procedure"], test["interpolation"]) == ("free", "linear")
+    assert "interpolation" not in guessed(tmp_path, {"t [s]": TIME, "x [mm]": ANGLE**3, "F [N]": FORCE})

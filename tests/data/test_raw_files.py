@@ -10,7 +10,7 @@ from mofit.data import propose_map
 from mofit.errors import InputError
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
-FILES = [path for path in data_files(DATA) if "battery" not in path.parent.name]  # 300 records: the study imports them
+FILES = data_files(DATA)
 
 pytestmark = pytest.mark.skipif(not FILES, reason="the measured data (../shared/data) are not here")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
+from mofit._typing import FloatArray
 from mofit.data.importers.table import Table
 
 
@@ -20,6 +22,15 @@ def alike_records(table: Table) -> list[str]:
             groups.setdefault((record.count("."), tuple(names)), []).append(record)
     largest = max(groups.values(), key=len, default=[])
     return largest if len(largest) > 1 else []
+
+
+def records_alone(table: Table, records: Sequence[str]) -> list[Table]:
+    """The table of each record: its own columns, and those that belong to none of the records."""
+    own: dict[str, dict[str, FloatArray]] = {record: {} for record in records}
+    shared: dict[str, FloatArray] = {}
+    for column, values in table.columns.items():
+        own.get(column.rpartition(".")[0], shared)[column] = values
+    return [replace(table, columns={**own[record], **shared}).record(record) for record in records]
 
 
 def record_pattern(records: Sequence[str]) -> tuple[str, list[str]]:

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mofit.data.importers.alike_records import alike_records, record_pattern
+from mofit._typing import FloatArray
+from mofit.data.importers.alike_records import alike_records, record_pattern, records_alone
 from mofit.data.importers.channel_aliases import TIME, key
 from mofit.data.importers.channel_proposal import Channels, Guess, find, find_channels, find_time, sample_rate
 from mofit.data.importers.contained import Contained
 from mofit.data.importers.registry import known_endings
+from mofit.data.importers.shapes import jumps
 from mofit.data.importers.table import Table, read_table, source_files
 from mofit.data.validation import time_issues, usual_rate
 from mofit.errors import InputError, Issue, collected
@@ -25,6 +27,8 @@ from mofit.units import to_si
 STEADY = 0.2
 #: share of an input's variance that a sine must explain
 SINE_SHARE = 0.95
+#: jumps of an input that is a pulse, switched on and off
+_PULSE = 2
 #: columns that are listed as not used
 _LISTED = 40
 #: names of the columns of a table of dynamic moduli
@@ -117,33 +121,31 @@ def _tests(file: str, table: Table, tests: list[ProposedTest]) -> list[str]:
     if moduli := _moduli(table):
         return list(_moduli_test(name, file, moduli))
     alike = alike_records(table)
-    if alike:
-        table = table.record(alike[0])
+    records = records_alone(table, alike) or [table]
+    table = records[0]
     lines: list[str] = []
     for channels in find_channels(table):
         own = f"{name}_{channels.name}" if channels.name else name
         time = find_time(table, len(table.column(channels.driver.column)))
         tests.append(ProposedTest(own, table, time, channels.found, channels.remarks))
-        lines += _test(own, file, table, channels, time, alike)
+        lines += _test(own, file, records, channels, time, alike)
     return lines
 
 
 def _test(
-    name: str, file: str, table: Table, channels: Channels, time: Guess | None, alike: Sequence[str]
+    name: str, file: str, records: Sequence[Table], channels: Channels, time: Guess | None, alike: Sequence[str]
 ) -> Iterator[str]:
     """Lines of one test, or of one per record where the file has several alike."""
-    procedure, frequency = _procedure(table, time, channels.driver)
+    table = records[0]
     pattern, groups = record_pattern(alike)
     yield from ("[[tests]]", f"name = {toml_value('_'.join([name, *(f'{{{group}}}' for group in groups)]))}")
     yield f"file = {toml_value(file)}"
     if alike:
         yield f"records = {toml_value(pattern)}  # {len(alike)} records; what follows is of the first"
-    yield f'procedure = "{procedure}"'
-    if frequency:
-        yield f'frequency = "{frequency:.4g} Hz"  # from the input; amplitude = "…" may be added'
+    yield from _procedure(table, time, channels.driver)
     if time is not None:
         yield f"time = {_entry(time)}"
-        yield from _resample(table, time)
+        yield from _resample(records, time)
         if others := _other_times(table, time):
             yield f"# other times of as many samples: {', '.join(others)}; the channels must share the one above"
     elif rate := sample_rate(table):
@@ -195,30 +197,46 @@ def _other_times(table: Table, time: Guess) -> list[str]:
     ]
 
 
-def _procedure(table: Table, time: Guess | None, driver: Guess) -> tuple[str, float | None]:
-    """``sine`` and its frequency where the input is one, else ``free``."""
+def _procedure(table: Table, time: Guess | None, driver: Guess) -> Iterator[str]:
+    """Lines of the excitation: ``sine`` and its frequency, ``step`` for a pulse, else ``free``."""
+    values = table.column(driver.column)
+    sound = bool(np.all(np.isfinite(values)) and 0 < np.var(values) < np.inf)
+    switched = jumps(values) if sound else 0
+    if sound and time is not None and (frequency := _sine_frequency(table, time, values)):
+        yield 'procedure = "sine"'
+        yield f'frequency = "{frequency:.4g} Hz"  # from the input; amplitude = "…" may be added'
+    elif 1 <= switched <= _PULSE:
+        yield 'procedure = "step"  # the input is switched'
+    else:
+        yield 'procedure = "free"'
+        if switched:
+            yield 'interpolation = "linear"  # the input is switched: a spline would overshoot'
+
+
+def _sine_frequency(table: Table, time: Guess, values: FloatArray) -> float | None:
+    """Frequency in Hz of an input (n,) that is a sine, else None."""
     from mofit.data.signals.periodicity import sine_period  # imports scipy, which an import with a map does not need
 
-    if time is None:
-        return "free", None
-    stamps, values = to_si(table.column(time.column), time.unit, "s"), table.column(driver.column)
-    if not np.all(np.isfinite(values)) or time_issues("", stamps) or not 0 < np.var(values) < np.inf:
-        return "free", None
+    stamps = to_si(table.column(time.column), time.unit, "s")
+    if time_issues("", stamps):
+        return None
     period = sine_period(stamps, values)
     if period is None or period > np.ptp(stamps):
-        return "free", None
+        return None
     phase = 2 * np.pi * stamps / period
     design = np.column_stack([np.ones_like(phase), np.cos(phase), np.sin(phase)])
     left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
-    return ("sine", 1 / period) if np.var(left) < (1 - SINE_SHARE) * np.var(values) else ("free", None)
+    return 1 / period if np.var(left) < (1 - SINE_SHARE) * np.var(values) else None
 
 
-def _resample(table: Table, time: Guess) -> Iterator[str]:
-    """The key that brings uneven stamps to one rate, where it can."""
-    stamps = to_si(table.column(time.column), time.unit, "s")
-    found = time_issues("", stamps)
-    if found and "resample" in found[0].hint and 0 < (rate := usual_rate(stamps)) < np.inf:
-        yield f'resample = "{rate:.4g} Hz"  # the time {_line(found[0].message)}'
+def _resample(records: Sequence[Table], time: Guess) -> Iterator[str]:
+    """The key that brings uneven stamps to one rate, where it can: that of the fastest record, so that none loses."""
+    every = [to_si(record.column(time.column), time.unit, "s") for record in records]
+    found = [issues[0] for stamps in every if (issues := time_issues("", stamps)) and "resample" in issues[0].hint]
+    rate = max((rate for stamps in every if 0 < (rate := usual_rate(stamps)) < np.inf), default=0.0)
+    if found and rate:
+        of = f"; of {len(found)} of {len(records)} records, and the fastest decides" if len(records) > 1 else ""
+        yield f'resample = "{rate:.4g} Hz"  # the time {_line(found[0].message)}{of}'
 
 
 def _condition(table: Table, name: str, found: Guess) -> str:

@@ -34,6 +34,10 @@ class ShapeSettings:
     """Difference of the shares predicted that counts."""
     lags: int = 30
     """Past samples that predict."""
+    jump: float = 0.25
+    """Share of the range that a switched signal changes by from one sample to the next."""
+    still: float = 0.01
+    """Share of the range below which half of its other changes are."""
     longest: int = 4000
     """Samples that are looked at: the shape is in the first ones, and fits cost by their number."""
 
@@ -60,6 +64,16 @@ def looks_like_time(values: FloatArray) -> bool:
     return bool(
         len(values) > 7 and np.all(np.isfinite(values)) and np.all(steps > 0) and np.max(steps) <= 10 * np.median(steps)
     )
+
+
+def jumps(values: FloatArray) -> int:
+    """How often a signal is switched: jumps of values that stay where they are in between; 0 if they do not stay."""
+    steps, size = np.abs(np.diff(values)), float(np.ptp(values))
+    if not size > 0 or np.median(steps) > SHAPES.still * size:
+        return 0
+    jumping = (steps > SHAPES.jump * size).astype(int)
+    # a jump may take several samples
+    return int(jumping[0]) + int(np.count_nonzero(np.diff(jumping) == 1))
 
 
 def roles_by_shape(time: FloatArray | None, columns: Mapping[str, FloatArray]) -> Roles | None:
