@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors, repeated
 from mofit.quantities import EXCITATION_KINDS, INTERPOLATIONS, SINGLE_EXCITATIONS, known_unit
 
@@ -127,7 +128,8 @@ class Campaign:
     Raises
     ------
     InputError
-        If ``source`` is another word, or a test name is used twice.
+        If ``source`` is another word, a test name is used twice, or a title or a name is none that files can hold, as
+        with a ``/`` in it.
     """
 
     title: str
@@ -150,9 +152,20 @@ class Campaign:
         ]
         if self.source not in ("measured", "simulated"):
             issues.append(Issue(where, f"source is '{self.source}'", "Set it to 'measured' or 'simulated'"))
-        raise_errors(issues)
+        raise_errors([*issues, *self._name_issues()])
         merged = tuple(measurement.under(self.conditions) for measurement in self.measurements)
         object.__setattr__(self, "measurements", merged)
+
+    def _name_issues(self) -> list[Issue]:
+        """Title and names that neither a file nor a result can hold."""
+        issues = title_issues("root, attribute 'title'", self.title)
+        issues += channel_name_issues("root", (), self.conditions)
+        issues += name_issues("root", "attribute", map(str, self.attributes))
+        for one in self.measurements:
+            where, channels = f"group '{shown(one.name)}'", [*one.experiment.inputs, *one.outputs]
+            issues += name_issues(where, "test", [one.name])
+            issues += channel_name_issues(where, channels, one.experiment.conditions)
+        return issues
 
     def __getitem__(self, name: str) -> Measurement:
         return self.select([name]).measurements[0]

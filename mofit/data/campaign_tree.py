@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from mofit.data.campaign import Campaign, Measurement
-from mofit.data.names import channel_name_issues, name_issues, shown, title_issues
+from mofit.data.names import shown
 from mofit.data.validation import experiment_issues
 from mofit.errors import Issue
 from mofit.quantities import known_unit, title_of
@@ -21,10 +21,7 @@ NUMBERS = ("frequency", "amplitude", "start_time", "transient")
 
 def campaign_issues(campaign: Campaign) -> list[Issue]:
     """Everything for which the file of this campaign would be refused when it is read; warnings too."""
-    issues = title_issues("root, attribute 'title'", campaign.title)
-    issues += channel_name_issues("root", (), campaign.conditions)
-    issues += name_issues("root", "attribute", map(str, campaign.attributes))
-    issues += [
+    issues = [
         Issue(f"root, attribute '{shown(str(key))}'", "holds half a character (a surrogate)", "Store proper text")
         for key, value in campaign.attributes.items()
         if str(value) != str(value).encode(errors="replace").decode()
@@ -38,11 +35,9 @@ def measurement_issues(measurement: Measurement) -> list[Issue]:
     """The same for one test."""
     experiment = measurement.experiment
     where = f"group '{shown(experiment.name)}'"
-    issues = name_issues(where, "test", [experiment.name])
     channels = {"input": experiment.inputs, "output": measurement.outputs}
     names = [name for group in channels.values() for name in group]
-    issues += channel_name_issues(where, names, experiment.conditions)
-    issues += [
+    issues = [
         Issue(
             f"{where}, variable '{shown(name)}', attribute 'units'",
             "missing",

@@ -55,23 +55,33 @@ def frequency_cause(label: float, found: float, rate: float) -> tuple[str, str]:
     return cause, "Check them, and whether it is the file of this test; the data are used as they are"
 
 
-def size_issues(measurements: Sequence[Measurement]) -> Iterator[Issue]:
-    """Channels whose size points at another unit: by itself, or beside the other tests of the campaign."""
-    ranges: dict[str, dict[str, float]] = {}
-    for measurement in measurements:
-        for name, values in {**measurement.experiment.inputs, **measurement.outputs}.items():
-            ranges.setdefault(name, {})[measurement.name] = float(np.ptp(values))
-    for name, own in ranges.items():
+def unlikely_sizes(measurements: Sequence[Measurement]) -> Iterator[Issue]:
+    """Channels that move farther than a bench does, as of another unit."""
+    for name, own in _ranges(measurements).items():
         limit, unit, cause = _UNLIKELY.get(name, (math.inf, "", ""))
         if large := [test for test, size in own.items() if size > 2 * limit]:
             message = f"moves by ± {max(own[test] for test in large) / 2:.3g} {unit}, as if {cause}"
             yield _issue(large, name, message, "Check the unit of the column or of the variable")
+
+
+def far_sizes(measurements: Sequence[Measurement]) -> Iterator[Issue]:
+    """Channels whose range is far from that usual in the campaign, whatever the tests are."""
+    for name, own in _ranges(measurements).items():
         usual = float(np.median(list(own.values())))
         for test, size in own.items():
             ratio = max(size / usual, usual / size) if size and usual else 0.0
-            if len(own) >= 3 and ratio > _OTHER_UNIT and test not in large:
+            if len(own) >= 3 and ratio > _OTHER_UNIT:
                 message = f"its range is {size:.3g}, in the other tests about {usual:.3g}, as if in another unit"
                 yield _issue([test], name, message, "Check the unit, and the record for marks of missing values")
+
+
+def _ranges(measurements: Sequence[Measurement]) -> dict[str, dict[str, float]]:
+    """Range of every channel in every test."""
+    ranges: dict[str, dict[str, float]] = {}
+    for measurement in measurements:
+        for name, values in {**measurement.experiment.inputs, **measurement.outputs}.items():
+            ranges.setdefault(name, {})[measurement.name] = float(np.ptp(values))
+    return ranges
 
 
 def _issue(tests: Sequence[str], channel: str, message: str, hint: str) -> Issue:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -13,7 +13,8 @@ from mofit._typing import FloatArray
 from mofit.data.campaign import Campaign, Measurement
 from mofit.data.campaign_file import load
 from mofit.data.copies import copy_issues
-from mofit.data.likely_causes import frequency_cause, size_issues
+from mofit.data.likely_causes import far_sizes, frequency_cause, unlikely_sizes
+from mofit.data.other_units import other_unit_issues
 from mofit.data.response import responses
 from mofit.data.sign_and_delay import sign_and_delay_issues
 from mofit.data.signals import SignalAnalysis, analyse, steady_samples
@@ -69,11 +70,20 @@ def campaign_warnings(campaign: Campaign, progress: Progress = silent) -> list[I
         analyses[measurement.name] = analyse(measurement)
         issues += quality_warnings(measurement)
     progress("compare", 0, 1, "the tests with each other")
-    issues += size_issues(campaign.measurements)
+    issues += _sizes(campaign.measurements, analyses)
     issues += sign_and_delay_issues(responses(campaign.measurements, analyses), campaign.measurements)
     issues += [*copy_issues(campaign), *_overlaps(campaign)]
     progress("compare", 1, 1, "")
     return issues
+
+
+def _sizes(measurements: Sequence[Measurement], analyses: Mapping[str, SignalAnalysis]) -> list[Issue]:
+    """Channels of an unusual size; of several words on one place the most telling."""
+    found = [*unlikely_sizes(measurements), *other_unit_issues(measurements, analyses), *far_sizes(measurements)]
+    said: dict[str, Issue] = {}
+    for issue in found:
+        said.setdefault(issue.where, issue)
+    return list(said.values())
 
 
 def quality_warnings(measurement: Measurement) -> list[Issue]:

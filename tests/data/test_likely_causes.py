@@ -1,5 +1,6 @@
 """check names the likely cause of data that are wrong as a whole, and is silent about sound ones."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from mofit.data import (
     import_files,
     write_campaign,
 )
+from mofit.data.other_units import USUAL_UNITS
 from mofit.errors import InputError
+from mofit.units import to_si
 
 UNITS = {"displacement": "m", "force": "N"}
 FREQUENCIES = (1.0, 1.5, 2.0, 3.0, 5.0)
@@ -152,10 +155,71 @@ def test_metres_that_are_millimetres():
     assert "moves by ± 5 m" in text
 
 
-def test_a_test_in_another_unit():
+@pytest.mark.parametrize("wrong", range(5))
+@pytest.mark.parametrize(("unit", "size"), [("kN", 1e3), ("kgf", 9.80665), ("lbf", 4.448)])
+def test_a_test_in_another_unit(wrong, unit, size):
+    """Also the fastest one, which differs by physics, too: a damper's force grows with the frequency."""
+    for value, words in ((1 / size, f"{unit} read as N"), (size, f"N read as {unit}")):
+        tests = sweep(damping=60.0)
+        tests[wrong] = replace(tests[wrong], outputs={"force": value * tests[wrong].channel("force")})
+        text = only(found(*tests), "another unit")
+        assert f"group 's{FREQUENCIES[wrong]:g}', variable 'force'" in text
+        assert words in text
+        assert f"unit = '{words.split()[0]}'" in text
+
+
+def test_several_tests_in_another_unit_are_told_one_by_one():
     tests = sweep()
-    tests[2] = replace(tests[2], outputs={"force": 1e3 * tests[2].channel("force")})
-    assert "group 's2', variable 'force'" in only(found(*tests), "another unit")
+    for k in (1, 4):
+        tests[k] = replace(tests[k], outputs={"force": 1e-3 * tests[k].channel("force")})
+    told = [text for text in found(*tests) if "kN read as N" in text]
+    assert {text.split(",")[0] for text in told} == {"group 's1.5'", "group 's5'"}
+
+
+def test_of_two_tests_either_may_be_in_another_unit():
+    one, other, *_ = sweep()
+    other = replace(other, outputs={"force": 1e-3 * other.channel("force")})
+    assert only(found(one, other), "another unit", "kN").startswith("groups 's1' and 's1.5', variable 'force'")
+
+
+@pytest.mark.parametrize(
+    ("channels", "stated", "size", "words"),
+    [
+        (("angle", "torque"), ("rad", "N m"), (np.degrees(1.0), 1.0), "variable 'angle': .* deg read as rad"),
+        (("strain", "stress"), ("1", "Pa"), (1.0, 1 / 6894.757), "variable 'stress': .* psi read as Pa"),
+        (("displacement", "force"), ("m", "N"), (1e-3, 1.0), "variable 'displacement': .* m read as mm"),
+    ],
+)
+def test_other_channels_and_inputs_in_another_unit(channels, stated, size, words):
+    def renamed(test, sizes):
+        inputs = {channels[0]: sizes[0] * test.channel("displacement")}
+        about = replace(test.experiment, inputs=inputs, amplitude=None)
+        output = {channels[1]: sizes[1] * test.channel("force")}
+        return Measurement(about, output, dict(zip(channels, stated, strict=True)))
+
+    tests = sweep(damping=60.0)
+    assert found(*(renamed(test, (1.0, 1.0)) for test in tests)) == []
+    one, *others = reversed(tests)
+    (text,) = found(renamed(one, size), *(renamed(test, (1, 1)) for test in others))
+    assert re.search(rf"group 's5', {words}", text)
+
+
+def test_other_amplitudes_and_saturation_are_no_other_unit():
+    """A dry friction's force does not grow with the stroke, which differs by a factor of 25; the other one's does."""
+    for power in (0.0, 1.0):
+        strokes = (0.002, 0.05, 0.01, 0.05, 0.002)
+        ratios = [900 * (stroke / 0.01) ** (power - 1) for stroke in strokes]
+        tests = [
+            sine(f"s{f:g}", f, ratio * np.exp(0.2j), amplitude=stroke, seed=k)
+            for k, (f, ratio, stroke) in enumerate(zip(FREQUENCIES, ratios, strokes, strict=True))
+        ]
+        assert found(*tests) == []
+
+
+def test_the_usual_units_are_those_of_the_registry():
+    for stated, units in USUAL_UNITS.items():
+        for unit, size in units.items():
+            assert to_si(1.0, unit, stated) == pytest.approx(size, rel=1e-9)
 
 
 COPIES = {

@@ -1,11 +1,13 @@
 """The maps in data/maps on the measured data: true frequencies, cycles and transients."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mofit.data import check_campaign, import_files, read_campaign, write_campaign
+from mofit.data.other_units import other_unit_issues
 from mofit.data.repeats import repeated
 from mofit.data.signals import analyse, smooth_derivative, steady_samples
 from mofit.errors import InputError
@@ -147,6 +149,24 @@ procedure = "free"
 time = { column = "f", unit = "s" }
 channels.E = { column = "E_stor", unit = "MPa", role = "output" }
 """
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [("mr_damper_0A", "mr_damper_sine"), ("friction_damper", "friction_damper"), ("emps", "emps")],
+)
+def test_any_one_test_in_another_unit_is_told_and_none_of_the_data_as_they_are(name, folder):
+    """Sines of 0.1 to 5 Hz with strokes of 2 to 25 mm, an earthquake, and a campaign of two tests."""
+    tests = list(imported(name, folder).measurements)
+    analyses = {test.name: analyse(test) for test in tests}
+    assert not list(other_unit_issues(tests, analyses))
+    for k, test in enumerate(tests):
+        changed = [*tests[:k], replace(test, outputs={"force": 1e-3 * test.channel("force")}), *tests[k + 1 :]]
+        (issue,) = other_unit_issues(changed, analyses)
+        assert f"'{test.name}'" in issue.where
+        assert "variable 'force'" in issue.where
+        assert "as if in another unit" in issue.message
+        assert "kN" in issue.message
 
 
 def test_moduli_over_the_frequency_are_no_record(tmp_path):
