@@ -177,12 +177,16 @@ def _begin(begin: Callable[..., None], *arguments: Any) -> None:
     global _ready
     _ready = False
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its children
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     begin(*arguments)
 
 
-def _end_with_parent() -> None:
-    """A parent that is killed cannot end its children."""
+def end_with_parent() -> None:
+    """In a process of a pool, its initializer: it ends with its parent, which cannot end its children once killed."""
+    threading.Thread(target=_wait_for_parent, daemon=True).start()
+
+
+def _wait_for_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from mofit.experimental_design.comparison_result import Comparison
 from mofit.experimental_design.design_job import Proposal
@@ -17,16 +17,20 @@ if TYPE_CHECKING:
 _COLUMNS = ("sd_before", "sd", "unit", "relative_sd_before", "relative_sd", "verdict")
 
 
-class ShownComparison(Comparison):
-    """A comparison that a notebook shows with its sentences, table and figure."""
+class _Shown:
+    """A comparison or a design whose text is its table."""
 
     @classmethod
-    def of(cls, found: Comparison) -> ShownComparison:
-        """The same comparison."""
+    def of(cls, found: Comparison | Proposal) -> Self:
+        """The same, shown."""
         return cls(**vars(found))
 
     def __repr__(self) -> str:
-        return str(_brief(self))
+        return str(_brief(self))  # type: ignore[arg-type]
+
+
+class ShownComparison(_Shown, Comparison):
+    """A comparison that a notebook shows with its sentences, table and figure."""
 
     def _repr_html_(self) -> str:
         table = summary(self)
@@ -40,16 +44,8 @@ class ShownComparison(Comparison):
         )
 
 
-class ShownProposal(Proposal):
+class ShownProposal(_Shown, Proposal):
     """A design that a notebook shows with its tests, what they give, and a figure."""
-
-    @classmethod
-    def of(cls, found: Proposal) -> ShownProposal:
-        """The same design."""
-        return cls(**vars(found))
-
-    def __repr__(self) -> str:
-        return str(_brief(self))
 
     def _repr_html_(self) -> str:
         import pandas as pd

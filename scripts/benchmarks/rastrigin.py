@@ -26,6 +26,7 @@ from mofit._typing import FloatArray
 from mofit.optimize import SearchResult
 from mofit.optimize.population_clusters import cluster
 from mofit.optimize.searches import effa_2016
+from mofit.runtime.parallel import end_with_parent
 from studies.report_page import versions
 
 #: Half the width of the domain.
@@ -165,7 +166,7 @@ def run(
         What they were run with.
     """
     rows = KeptRows("rastrigin", {"runs": runs, "seed": seed, "entries": [entry.name for entry in entries]})
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool:
         for turned in (False, True):
             for entry in entries:
                 for price in (1, 3) if entry.gradients else (1,):

@@ -16,7 +16,6 @@ Rows that the work folder holds already are kept.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import signal
 import threading
@@ -36,7 +35,7 @@ from mofit.models import Model, find_model, with_effects
 from mofit.results import simulations
 from posterior_draws import draws
 from records_cases import battery, tanks
-from report_page import ROOT, header, made_with, table, write_page
+from report_page import ROOT, header, kept, made_with, table, write_page
 
 SIMULATORS = ROOT / "scripts" / "studies" / "any_simulator_cases.py"
 #: campaign of the damper
@@ -81,13 +80,6 @@ BESIDE: dict[str, Callable[[Path], tuple[Campaign, Model, Model, int]]] = {
 
 #: The other rows.
 OTHERS = ("slow", "cluster", "calibration")
-
-
-def kept(row: Path, make: Callable[[], dict]) -> dict:
-    """A row from its file, made where there is none."""
-    if not row.exists():
-        row.write_text(json.dumps(make()), encoding="utf-8")
-    return json.loads(row.read_text(encoding="utf-8"))
 
 
 def beside(name: str, data: Path) -> dict:

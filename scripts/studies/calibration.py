@@ -30,6 +30,7 @@ from scipy.stats import binom, chi2
 from calibration_cases import CASES, NOISES, draw_campaign, reference
 from mofit.identification.settings import Settings
 from mofit.identification.stages import find_modes
+from mofit.runtime.parallel import end_with_parent
 from report_page import ROOT, header, made_with, table, write_page
 
 LEVELS = (0.5, 0.8, 0.9, 0.95)
@@ -172,7 +173,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     results = {}
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(arguments.jobs, initializer=end_with_parent) as pool:
         for case in CASES:
             for kind in NOISES:
                 single = partial(run, case, kind, arguments.work)

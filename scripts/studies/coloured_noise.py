@@ -33,6 +33,7 @@ from mofit.identification.settings import Settings
 from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import find_model
 from mofit.problem.scoped_estimates import scoped_estimates
+from mofit.runtime.parallel import end_with_parent
 from mofit.sampling import laplace_covariance
 from report_page import ROOT, header, made_with, table
 
@@ -157,7 +158,7 @@ def main() -> None:
     args.work.mkdir(parents=True, exist_ok=True)
     counts = dict(zip(OFFSETS, (args.campaigns, args.pooled), strict=True))
     tasks = [(args.first + k, how) for k in range(max(counts.values())) for how in OFFSETS if k < counts[how]]
-    with ProcessPoolExecutor(args.parallel) as pool:
+    with ProcessPoolExecutor(args.parallel, initializer=end_with_parent) as pool:
         rows = list(pool.map(partial(row, work=args.work), tasks))
     command = f"coloured_noise.py --campaigns {args.campaigns} --pooled {args.pooled} --first {args.first}"
     text = page(rows, command)

@@ -21,9 +21,8 @@ kept.
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -57,7 +56,7 @@ from mofit.models import Model, find_model, values_under
 from mofit.prediction.draws import posterior_draws
 from mofit.prediction.records import Prediction, predict_records
 from mofit.results import parameter_layout
-from report_page import ROOT, header, made_with, write_page
+from report_page import ROOT, header, kept, made_with, write_page
 
 MODEL = "maxwell_damper"
 DRAWS = 4000
@@ -160,14 +159,6 @@ def cost(count: int) -> dict[str, Any]:
     located = locate_minima(campaign, study.model(model), study.settings(chosen), start=study.fit.values)
     adjusted_modes(located.posterior, located.minima, chosen)
     return {"alone": alone - began, "joint": time.process_time() - alone}
-
-
-def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """A row from its file, or made and written there."""
-    if not file.exists():
-        file.write_text(json.dumps(make()), encoding="utf-8")
-    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return found
 
 
 def main() -> None:

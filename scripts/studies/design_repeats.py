@@ -19,6 +19,7 @@ from mofit.models import Model, find_model
 from mofit.optimize import merge, refine
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem, adjusted_posterior
+from mofit.runtime.parallel import end_with_parent
 from mofit.simulation import Simulator
 from mofit.simulation.integrators import RK4
 from mofit.simulation.virtual_rig.plan import Plan
@@ -109,5 +110,5 @@ def simulated(arguments: argparse.Namespace, plan: Plan, label: str, choices: li
     task = partial(rows, arguments.work, plan.model_dump_json(), label, choices)
     if arguments.jobs == 1:
         return np.concatenate([np.array(task(first)) for first in starts])
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(arguments.jobs, initializer=end_with_parent) as pool:
         return np.concatenate([np.array(found) for found in pool.map(task, starts)])

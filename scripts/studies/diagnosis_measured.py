@@ -34,6 +34,7 @@ from mofit.identification.settings import Settings
 from mofit.models import find_effect, find_model, with_effects
 from mofit.problem import build_problem
 from mofit.results import cochran
+from mofit.runtime.parallel import end_with_parent
 from paper_tables import TABLE_4
 from report_page import ROOT, header, made_with, write_page
 
@@ -226,7 +227,7 @@ def dma(data: Path, seed: int) -> list[str]:
     found: list[Temperature] = []
     # a process keeps what it compiled; after some temperatures that fills the memory
     for start in range(0, len(parts), 6):
-        with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        with ProcessPoolExecutor(2, get_context("spawn"), initializer=end_with_parent) as pool:
             found += pool.map(partial(temperature, seed=seed), parts[start : start + 6])
     lossy = max(found, key=lambda one: one.loss)
     said = [one.further for one in found]

@@ -61,6 +61,7 @@ from diagnosis_peers_cases import measured
 from diagnosis_peers_cases.page import page
 from diagnosis_peers_cases.peer import PEERS
 from diagnosis_peers_cases.score import peer_row
+from mofit.runtime.parallel import end_with_parent
 from other_rigs_cases.campaign import make, name_of
 from other_rigs_cases.cases import CASES, Cell, cells
 from other_rigs_cases.score import row_of
@@ -168,7 +169,7 @@ def main() -> None:
     if (args.data / measured.NAME).is_dir():
         rig = run_measured(args.data, args.seed, args.work.resolve(), args.time, code_digest())
     rows: dict[Cell, dict[str, Any]] = {}
-    with ProcessPoolExecutor(args.parallel, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(args.parallel, get_context("spawn"), initializer=end_with_parent) as pool:
         tasks = {pool.submit(one, cell): cell for cell in wanted}
         for task in as_completed(tasks):
             found = rows[tasks[task]] = task.result()

@@ -33,7 +33,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import fmu_reference
-from any_simulator import INTERVAL, kept
+from any_simulator import INTERVAL
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.mode_sampling import sample_modes
@@ -44,7 +44,7 @@ from mofit.parameters import Parameter, ParameterSpace
 from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
 from mofit.simulation.evaluation.executors import evaluated_in
 from records_cases.peers import by_pypesto, by_scipy
-from report_page import ROOT, header, made_with, table, write_page
+from report_page import ROOT, header, kept, made_with, table, write_page
 
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 

@@ -16,7 +16,6 @@ import numpy as np
 from fmpy import read_model_description
 from scipy.integrate import solve_ivp
 
-from any_simulator import kept
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.settings import Settings
@@ -24,7 +23,7 @@ from mofit.identification.stages import find_modes
 from mofit.models import find_model
 from mofit.simulation.evaluation.evaluations import evaluations_of
 from mofit.simulation.evaluation.executors import evaluated_in
-from report_page import table
+from report_page import kept, table
 
 #: Simulations that an identification may take, and the noise as a share of the range of each output.
 LIMIT, NOISE = 300, 0.01

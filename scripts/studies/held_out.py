@@ -26,6 +26,7 @@ from mofit.identification.settings import Settings
 from mofit.identification.stages import find_modes
 from mofit.models import find_model
 from mofit.problem import build_problem
+from mofit.runtime.parallel import end_with_parent
 from mofit.simulation.virtual_rig.plan import read_plan
 from mofit.simulation.virtual_rig.rig import run_plan
 from report_page import ROOT, header, made_with, table, write_page
@@ -119,7 +120,7 @@ def main() -> None:
     bundled = read_plan(PLAN).seed
     tests = [test.name for test in read_plan(PLAN).tests if test.kind == "sine"]
     tasks = [(bundled + k, test) for k in range(arguments.campaigns) for test in tests]
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(arguments.jobs, initializer=end_with_parent) as pool:
         rows = list(pool.map(partial(run, arguments.work), *zip(*tasks, strict=True)))
     write_page("held_out", page(rows, arguments))
 

@@ -46,6 +46,7 @@ from typing import Any
 import numpy as np
 
 import mofit
+from mofit.runtime.parallel import end_with_parent
 from other_rigs_cases.campaign import make, name_of
 from other_rigs_cases.cases import CASES, Cell, cells
 from other_rigs_cases.page import page
@@ -118,7 +119,7 @@ def main() -> None:
     one = partial(run, seed=args.seed, work=args.work.resolve(), time=args.time, digest=code_digest())
     args.page.parent.mkdir(parents=True, exist_ok=True)
     rows: dict[Cell, dict[str, Any]] = {}
-    with ProcessPoolExecutor(args.parallel, get_context("spawn")) as pool:
+    with ProcessPoolExecutor(args.parallel, get_context("spawn"), initializer=end_with_parent) as pool:
         tasks = {pool.submit(one, cell): cell for cell in wanted}
         for task in as_completed(tasks):
             row = rows[tasks[task]] = task.result()

@@ -30,6 +30,7 @@ from mofit.identification.stages import adjusted_modes, locate_minima
 from mofit.models import Channel, Equations, Model, find_model
 from mofit.optimize import STAGES
 from mofit.parameters import Parameter, ParameterSpace
+from mofit.runtime.parallel import end_with_parent
 from report_page import ROOT, header, made_with, table, write_page
 
 STANDARD_DEVIATIONS = 5.0
@@ -231,7 +232,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict]] = {}
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(arguments.jobs, initializer=end_with_parent) as pool:
         for case in (BUNDLED, *CASES):
             single = partial(run, case, arguments.work, arguments.search)
             rows[case] = list(pool.map(single, range(arguments.seeds)))

@@ -37,6 +37,7 @@ from mofit.optimize.searches.effa import EffaSettings, search
 from mofit.optimize.swarm import SwarmSettings
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
+from mofit.runtime.parallel import end_with_parent
 from report_page import ROOT, header, made_with, table, write_page
 
 sys.path.insert(0, str(ROOT / "scripts"))  # the functions of the benchmarks
@@ -168,7 +169,7 @@ def main() -> None:
     arguments.work.mkdir(parents=True, exist_ok=True)
     tasks = [(variant, problem) for problem in PROBLEMS for variant in VARIANTS]
     rows: dict[str, Row] = {variant: {} for variant in VARIANTS}
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    with ProcessPoolExecutor(arguments.jobs, initializer=end_with_parent) as pool:
         results = pool.map(partial(block, arguments.work, arguments.seeds), tasks)
         for (variant, problem), row in zip(tasks, results, strict=True):
             print(variant, problem, row, flush=True)

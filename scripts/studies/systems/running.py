@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import shutil
@@ -20,6 +21,8 @@ from systems.judge import RESULT_CODES, judged
 LIMIT = 60.0
 #: Seconds between two looks at a run.
 PAUSE = 0.05
+#: Of prctl(2): the signal that a process gets when its parent ends.
+PR_SET_PDEATHSIG = 1
 
 
 def run(case: Case, seed: int, work: Path, options: tuple[str, ...] = (), limit: float = LIMIT) -> dict[str, Any]:
@@ -77,7 +80,14 @@ def limited(command: list[str], folder: Path, limit: float) -> tuple[int | None,
     """
     begun = time.perf_counter()
     with (folder / "answer.json").open("w") as answer, (folder / "errors.txt").open("w") as errors:
-        process = subprocess.Popen(command, stdout=answer, stderr=errors, start_new_session=True, env=environment())
+        process = subprocess.Popen(
+            command,
+            stdout=answer,
+            stderr=errors,
+            start_new_session=True,
+            env=environment(),
+            preexec_fn=_end_with_parent,
+        )
     late = False
     while True:
         ended, status, usage = os.wait4(process.pid, os.WNOHANG)
@@ -89,6 +99,12 @@ def limited(command: list[str], folder: Path, limit: float) -> tuple[int | None,
             late = True
             os.killpg(process.pid, signal.SIGKILL)
         time.sleep(PAUSE)
+
+
+def _end_with_parent() -> None:
+    """The command is killed with the study: a session of its own hears nothing of that (Linux)."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def environment() -> dict[str, str]:
