@@ -45,8 +45,8 @@ def keep_for_sampling(problem: Problem) -> None:
         free = len(problem.space)
         evaluations.reserved.clear()
         score, emulator = (len(problem.tests) * sets for sets in (1 + 2 * free, FIRST_EMULATOR * simulations_for(free)))
-        most = max(int(KEPT_SHARE * evaluations.left) - score, 0)
-        evaluations.reserved |= {"score": score, "emulator": min(emulator, most)}
+        most = max(KEPT_SHARE * evaluations.left - score, 0)
+        evaluations.reserved |= {"score": score, "emulator": int(min(emulator, most))}
 
 
 def check_left(problem: Problem) -> None:

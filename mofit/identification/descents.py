@@ -65,7 +65,7 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
     settings = settings_for(problem, until=until)
     while tried < len(rows) and undiscovered > UNDISCOVERED and time.monotonic() < until:
         spent = evaluations.count - before
-        affordable = (allowed - spent) // (max(spent, 1) / tried if tried else each)
+        affordable = (allowed - spent) / (max(spent, 1) / tried if tried else each)
         if tried and affordable < 1:
             break
         batch = rows[tried : tried + int(np.clip(affordable, 1, ROUND))]

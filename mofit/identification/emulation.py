@@ -164,7 +164,7 @@ class _Training:
     def affordable(self, wanted: int) -> int:
         """So many further sets, or as many as may still be simulated."""
         per_set = max(len(self.problem.tests), self.simulations / self.count if self.count else 0)
-        return int(min(wanted, max((self.most - self.simulations) // per_set, 0)))
+        return int(min(wanted, max((self.most - self.simulations) / per_set, 0)))
 
     def add(self, p: FloatArray) -> None:
         """Simulate at sets (K, np), and learn from those that succeed."""

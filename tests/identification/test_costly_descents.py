@@ -10,7 +10,7 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.descents import SHARE, completed
 from mofit.identification.problem_setup import set_up_problem
 from mofit.identification.settings import Settings
-from mofit.identification.stages import search
+from mofit.identification.stages import locate_minima, search
 from mofit.models import Channel, Simulator
 from mofit.parameters import Parameter
 from mofit.simulation.evaluation.evaluations import with_evaluations
@@ -39,16 +39,20 @@ SIMULATOR = Simulator(
 )
 
 
-def searched(limit):
-    """The problem and its search."""
+def campaign():
+    """One test of the two lags, with noise."""
     time = np.arange(400) * 0.01
     x = np.sin(2 * np.pi * time) + 0.5 * np.sin(2 * np.pi * 7 * time)
     force = sum(lag(x, 0.01, one) for one in TRUTH) + 0.02 * np.random.default_rng(3).normal(size=len(time))
     experiment = Experiment("drive", "free", time, {"displacement": x}, {})
     test = Measurement(experiment, {"force": force}, {"displacement": "m", "force": "N"})
+    return Campaign("lags", "simulated", {}, (test,))
+
+
+def searched(limit):
+    """The problem and its search."""
     settings = Settings(seed=1, jobs=1, simulations=limit, evaluations=50).for_model(SIMULATOR)
-    campaign = Campaign("lags", "simulated", {}, (test,))
-    problem = set_up_problem(with_evaluations(SIMULATOR, limit), campaign, settings, ()).searched
+    problem = set_up_problem(with_evaluations(SIMULATOR, limit), campaign(), settings, ()).searched
     return problem, search(problem, settings)[0]
 
 
@@ -80,3 +84,11 @@ def test_descents_end_with_their_share_of_the_simulations():
     assert len(minima) >= 1
     assert 0 < problem.evaluations.count - before < left
     assert problem.evaluations.refused == 0
+
+
+def test_simulations_without_a_limit_find_both_minima():
+    """Outside of `identify`, which sets a limit."""
+    found = locate_minima(campaign(), SIMULATOR, Settings(seed=1, jobs=1, evaluations=50))
+    assert found.problem.evaluations.limit == np.inf
+    values = sorted(found.problem.space.from_unit(minimum.point).tolist() for minimum in found.minima)
+    assert values == [pytest.approx(TRUTH, rel=0.1), pytest.approx(TRUTH[::-1], rel=0.1)]
