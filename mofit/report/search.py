@@ -119,7 +119,7 @@ def _summary(run: Run, found: SearchMap) -> str:
 def _growth_figure(growth: Growth) -> Figure:
     """Two curves over the number of evaluations."""
     panels = Panels(2, 3, 1.8, gap=(0.85, 0.0), top=0.2)
-    curves = {"least mean NRMSD (%)": 100 * growth.best, "hypervolume": growth.hypervolume}
+    curves = {"least mean NRMSD (%)": 100 * growth.best, "hypervolume (–)": growth.hypervolume}
     for axes, (label, values) in zip(panels.axes, curves.items(), strict=True):
         axes.plot(growth.evaluations, values, color=MEASURED, marker="o", ms=3.5)
         axes.set_ylabel(label)

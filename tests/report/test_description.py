@@ -105,7 +105,7 @@ def test_a_figure_may_stay_a_picture() -> None:
     ("text", "html"),
     [
         (parameter_label("d_M", "N s/m"), "<i>d</i><sub>M</sub>  (N s/m)"),
-        (parameter_label("alpha", "1"), "<i>α</i>"),
+        (parameter_label("alpha", "1"), "<i>α</i>  (–)"),
         (r"$\mathdefault{10^{-3}}$", "10<sup>-3</sup>"),
         ("a<b costs $5", "a&lt;b costs $5"),
     ],

@@ -86,12 +86,13 @@ def _scores_figure(data: Mapping[str, Any]) -> Figure:
     )
     axes.set_xscale("log")
     axes.set_xlim(left=1)
-    axes.set_xlabel("score statistic T (without the effect: chi-square, one degree of freedom per size component)")
+    axes.set_xlabel("score statistic T  (–)")
     axes.grid(axis="y", visible=False)
     return panels.figure(
         "Score statistic of the candidates",
         "How much each effect would explain of the residual of the model without effects. Blue: named. Effects that "
-        "resemble the right one score as well: the refits decide.",
+        "resemble the right one score as well: the refits decide. Without the effect, T is chi-square distributed with "
+        "one degree of freedom per component of its size.",
         good="one bar is much longer than the others, and it is blue.",
         bad="several bars are equally long: see what to test next.",
         finding=_first_and_second(data, candidates),

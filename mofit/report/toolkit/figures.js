@@ -107,7 +107,7 @@ class Explored {
     shown.forEach((panel, k) => {
       const left = ((k % columns) * (across + ACROSS)) / wide, top = tall - Math.floor(k / columns) * (each + DOWN);
       const span = [left, left + across / wide];
-      const edge = { first: k % columns === 0, last: k + columns >= shown.length };
+      const edge = { first: k % columns === 0, last: k + columns >= shown.length, below: shown[k + columns] };
       this.title(panel, span[0], top / tall);
       const main = this.row(panel, panel, span, [(top - high(panel)) / tall, top / tall], edge, null);
       if (panel.lower) {
@@ -157,7 +157,7 @@ class Explored {
     const first = this.spec.panels[0], same = (a, b) => a.title === b.title;
     Object.assign(x, { anchor: `y${id}`, automargin: Boolean(edge.last && panel.x.ticks), showticklabels: !panel.lower || row !== panel });
     Object.assign(y, { anchor: `x${id}`, automargin: edge.first });
-    if (above || (panel.lower && row === panel) || (!edge.last && same(panel.x, first.x))) x.title.text = above && edge.last ? x.title.text : "";
+    if (above || (panel.lower && row === panel) || (edge.below && same(panel.x, edge.below.x))) x.title.text = above && edge.last ? x.title.text : "";
     const like = row === panel ? first : first.lower;
     if (!edge.first && same(row.y, like.y)) y.title.text = "";
     if (above) x.matches = `x${above}`;
@@ -180,7 +180,8 @@ class Explored {
       title: { text: axis.title, standoff: 6 }, gridcolor: darkScheme.matches ? "#2c333a" : "#e3e8ed", linecolor: NEUTRAL,
       exponentformat: "none", separatethousands: true, showline: true, ticks: "outside", ticklen: 3, tickcolor: NEUTRAL, nticks: 6, tickfont: { size: 10.5 },
     };
-    if (axis.ticks) Object.assign(found, { tickmode: "array", tickvals: axis.ticks.values, ticktext: this.coloured(axis) });
+    if (axis.ticks) Object.assign(found, { tickmode: "array", tickvals: axis.ticks.values, ticktext: this.coloured(axis), autotickangles: [0, -30, -90] });
+    if (!axis.ticks || axis.ticks.texts.every((text) => !isNaN(Number(text)))) found.tickangle = 0;
     return found;
   }
 
@@ -250,9 +251,16 @@ class Explored {
   listen() {
     if (this.listening) return;
     this.listening = true;
+    this.thin();
+    this.plot.on("plotly_afterplot", () => this.thin());
     this.plot.on("plotly_click", (event) => this.click(event.points[0]));
     this.plot.on("plotly_clickannotation", (event) => event.annotation.name && choices.choose("test", event.annotation.name));
     if (this.brush) this.brush.listen();
+  }
+
+  thin() {
+    thinTicks(this.plot);
+    if (this.spec.panels.some((panel) => panel.parts.some((part) => part.kind === "cells"))) thinCells(this.plot);
   }
 
   click(point) {
@@ -291,7 +299,7 @@ class Explored {
   }
 }
 
-const unitOf = (axis) => { const found = /\(([^()]*)\)\s*$/.exec(axis.title); return found ? ` ${found[1]}` : ""; };
+const unitOf = (axis) => { const found = /\(([^()]*)\)\s*$/.exec(axis.title); return found && found[1] !== "–" ? ` ${found[1]}` : ""; };
 function hoverText(x, y, part) {
   const at = (axis, letter) => (axis.ticks && part.kind !== "line" ? `%{${letter}}` : `%{${letter}:.5~g}${unitOf(axis)}`);
   if (part.kind === "cells") return "%{x}, %{y}: %{z:.3~g}<extra></extra>";

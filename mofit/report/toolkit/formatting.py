@@ -167,8 +167,8 @@ def _html_symbol(math_text: str) -> str:
 
 
 def parameter_label(name: str, unit: str) -> str:
-    """A parameter and its unit on an axis or over a panel (matplotlib's math text)."""
-    return math_symbol(name) + (f"  ({unit})" if unit_text(unit) else "")
+    """A parameter and its unit, ``–`` without one, on an axis or over a panel (matplotlib's math text)."""
+    return math_symbol(name) + f"  ({unit if unit_text(unit) else '–'})"
 
 
 def parameter_head(name: str, unit: str) -> Markup:

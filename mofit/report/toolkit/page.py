@@ -84,7 +84,7 @@ def write_page(path: Path, title: str, subtitle: str, sections: Sequence[Section
 def render(title: str, subtitle: str, sections: Sequence[Section]) -> str:
     """The page as text."""
     folder = resources.files(__package__)
-    scripts = ("page.js", "abreast.js", "choices.js", "brush.js", "figures.js")
+    scripts = ("page.js", "abreast.js", "choices.js", "brush.js", "labels.js", "figures.js")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8")),
         autoescape=True,

@@ -196,8 +196,8 @@ def _figure(errors: PredictedErrors, found: Fundamental | None, unit: Unit, outp
     if found is not None:
         amplitude = found.amplitude.scaled(unit.factor)
         rows = (
-            ("amplitude of the fundamental", unit.name, amplitude, "%", 100 / amplitude.value),
-            ("phase against the input", "°", found.phase, "°", np.ones_like(found.phase.value)),
+            ("amplitude of the fundamental", f"amplitude ({unit.name})", amplitude, "%", 100 / amplitude.value),
+            ("phase against the input", "phase (°)", found.phase, "°", np.ones_like(found.phase.value)),
         )
         for (title, name, values, off, scale), axes, below in zip(rows, panels.axes, panels.lower, strict=False):
             _draw_line(found.frequency, values, scale, axes, below)
@@ -255,8 +255,8 @@ def _draw_errors(errors: PredictedErrors, axes: Axes, below: Axes) -> None:
     axes.plot(x, floor, color=FLOOR, lw=2)
     below.axhline(1, color=FLOOR, lw=2)
     axes.set_ylim(bottom=0)
-    axes.set(title="NRMSD", ylabel="%")
-    below.set_ylabel("× floor")
+    axes.set(title="NRMSD", ylabel="NRMSD (%)")
+    below.set_ylabel("ratio to floor (–)")
 
 
 def _table(found: Fundamental, unit: Unit) -> Table:
