@@ -215,7 +215,7 @@ def _regression(design: FloatArray, sizes: FloatArray, spread: FloatArray) -> tu
     for _ in range(SETTINGS.rounds):
         weight = (SETTINGS.worth + 1) / (SETTINGS.worth + (left / scatter) ** 2)
         weighted = design * weight[:, None]
-        cover = np.linalg.inv(design.T @ weighted / scatter**2 + np.diag(spread**-2))
+        cover = np.asarray(np.linalg.inv(design.T @ weighted / scatter**2 + np.diag(spread**-2)), dtype=float)
         slopes = cover @ (weighted.T @ sizes) / scatter**2
         # of a test that the others tell, so that as many slopes as tests do not look exact
         free = 1 - weight * np.einsum("ij,jk,ik->i", design, cover, design) / scatter**2
