@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import ranged
-from mofit.diagnosis.fitting import baseline_in_wide_ranges
 from mofit.diagnosis.main_cause import investigate
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.identification.settings import Settings

@@ -12,9 +12,10 @@ import strangers
 
 from mofit.cli import main
 from mofit.data import Campaign, write_campaign
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
-from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import inner_signals
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.pages import diagnosis_page
