@@ -1,4 +1,4 @@
-"""The baseline's minimum is found from the best points of a sample, and by a search where descents from there disagree."""
+"""The baseline is found from the best points of a sample, and by a search where the descents from there disagree."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ class Fringes(Model):
         return Equations(outputs={"force": s.a * ca.sin(s.w * s.displacement)})
 
 
-def test_a_minimum_that_the_sample_misses_is_searched(w: float = 880.0) -> None:
+def test_a_minimum_that_the_sample_misses_is_searched() -> None:
     """All descents from the sample end in different minima, the best far above the noise."""
+    w = 880.0
     rng, time = np.random.default_rng(0), np.arange(1000) / 100
     measurements = []
     for k, frequency in enumerate((0.5, 1.0)):
