@@ -18,6 +18,8 @@ from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explain
 #: A simulator's noise hides smaller gains than these: 5e-3 standard deviations. What the descent leaves the sampling
 #: finds, since the emulator is trained around the end and not only there.
 COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-5, most_damping=1e5)
+#: Expected fall in nats at which a descent ends that only looks for a minimum: its slopes are coarse.
+ROUGH = 1e-2
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
 SHARE, STEPS = 0.5, 8
 #: Descents that begin together, and the expected number of undiscovered minima at which no others begin.
@@ -66,11 +68,12 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
     """
     evaluations = problem.evaluations
     assert evaluations is not None
+    evaluations.settle(near_minimum=False)
     rows = list(dict.fromkeys([*found.archived.tolist(), *linked_starts(found.points, found.cost, 1.0)]))
     before, allowed = evaluations.count, SHARE * evaluations.left
     each = STEPS * len(problem.tests) * (1 + len(problem.space))
     minima, tried, undiscovered = found.points[:0], 0, math.inf
-    settings = settings_for(problem, until=until)
+    settings = replace(settings_for(problem, until=until), gradient_tolerance=ROUGH**0.5, decrease_tolerance=ROUGH)
     while tried < len(rows) and undiscovered > UNDISCOVERED and time.monotonic() < until:
         spent = evaluations.count - before
         affordable = (allowed - spent) // (max(spent, 1) / tried if tried else each)
@@ -79,9 +82,12 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
         batch = rows[tried : tried + int(np.clip(affordable, 1, ROUND))]
         with explained(problem):
             ends = descend(problem, np.concatenate([minima, found.points[batch]]), settings)
-        reached = merge(ends, values=lambda u: -problem.log_posterior(u))
+        every = merge(ends, values=lambda u: -problem.log_posterior(u))
+        # what is still on its way is no minimum, and to follow it may take all simulations
+        reached = [one for one in every if one.converged] or every
         minima, tried = np.stack([minimum.point for minimum in reached]), tried + len(batch)
         undiscovered = expected_undiscovered(tried, len(minima))
+    evaluations.settle(near_minimum=True)
     complete = undiscovered <= UNDISCOVERED
     if tried == len(rows) and not complete:  # no start is left: how many basins there are these few do not tell
         return found, minima

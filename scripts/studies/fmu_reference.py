@@ -93,18 +93,19 @@ CASES = {
 COLUMNS = ("FMU", "FMI", "interface", "parameter", "truth", "by its steps", "mean", "sd", "off, sd", "simulations", "s")
 
 
-def steps_of(file: Path, case: Free) -> int:
-    """Euler's steps per sample of a co-simulation: its own where it says so."""
+def steps_of(file: Path, case: Free) -> tuple[bool, int]:
+    """Whether a co-simulation steps by itself, and Euler's steps per sample."""
     own = read_model_description(str(file)).coSimulation.fixedInternalStepSize
-    return STEPS if own is None else round(case.times[1] / float(own))
+    return own is not None, STEPS if own is None else round(case.times[1] / float(own))
 
 
 def row(file: Path, interface: str, work: Path) -> dict:
     """What mofit makes of one."""
     case, maps = CASES[file.stem], work / MAPS
     maps.mkdir(exist_ok=True)
-    map_file = maps / f"{interface.replace(' ', '-')}.toml"
-    map_file.write_text(f'interface = "{interface}"\nsteps = {STEPS}\n', encoding="utf-8")
+    own, steps = steps_of(file, case)
+    map_file = maps / f"{interface.replace(' ', '-')}{'-own-steps' if own else ''}.toml"
+    map_file.write_text(f'interface = "{interface}"\nsteps = {1 if own else STEPS}\n', encoding="utf-8")
     model, began = find_model(f"{file}:{map_file}"), time.perf_counter()
     with evaluated_in(evaluations_of(model), 1):
         best, *_ = find_modes(case.campaign(), model, Settings(seed=0, jobs=1, simulations=LIMIT))
@@ -112,7 +113,7 @@ def row(file: Path, interface: str, work: Path) -> dict:
     assert problem.evaluations is not None
     values = problem.space.from_unit(best.chains.thinned().points.reshape(-1, 1))
     return {
-        "best": case.truth if interface == INTERFACES[0] else case.best_by_euler(steps_of(file, case)),
+        "best": case.truth if interface == INTERFACES[0] else case.best_by_euler(steps),
         "mean": float(values.mean()), "sd": float(values.std()), "simulations": problem.evaluations.count,
         "seconds": time.perf_counter() - began,
     }  # fmt: skip
