@@ -15,9 +15,9 @@ from mofit.optimize.local_minima import Closeness, Refined
 from mofit.optimize.minima_archive import expected_undiscovered
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explained
 
-#: A simulator's noise hides smaller gains than these: 5e-3 standard deviations. What the descent leaves the sampling
+#: A simulator's noise hides smaller gains than these: 1e-2 standard deviations. What the descent leaves the sampling
 #: finds, since the emulator is trained around the end and not only there.
-COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-5, most_damping=1e5)
+COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-4, most_damping=1e5)
 #: Expected fall in nats at which a descent ends that only looks for a minimum: its slopes are coarse.
 ROUGH = 1e-2
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
