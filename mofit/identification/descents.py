@@ -15,11 +15,9 @@ from mofit.optimize.local_minima import Closeness, Refined
 from mofit.optimize.minima_archive import expected_undiscovered
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explained
 
-#: A simulator's noise hides smaller gains than these: 1e-2 standard deviations. What the descent leaves the sampling
-#: finds, since the emulator is trained around the end and not only there.
-COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-4, most_damping=1e5)
-#: Expected fall in nats at which a descent ends that only looks for a minimum: its slopes are coarse.
-ROUGH = 1e-2
+#: A simulator's noise hides smaller gains than these, a hundredth of a nat. What the descent leaves the sampling finds,
+#: since the emulator is trained around the end and not only there.
+COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=0.1, decrease_tolerance=1e-2, most_damping=1e5)
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
 SHARE, STEPS = 0.5, 8
 #: Descents that begin together, and the expected number of undiscovered minima at which no others begin.
@@ -73,7 +71,7 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
     before, allowed = evaluations.count, SHARE * evaluations.left
     each = STEPS * len(problem.tests) * (1 + len(problem.space))
     minima, tried, undiscovered = found.points[:0], 0, math.inf
-    settings = replace(settings_for(problem, until=until), gradient_tolerance=ROUGH**0.5, decrease_tolerance=ROUGH)
+    settings = settings_for(problem, until=until)
     while tried < len(rows) and undiscovered > UNDISCOVERED and time.monotonic() < until:
         spent = evaluations.count - before
         affordable = (allowed - spent) // (max(spent, 1) / tried if tried else each)
