@@ -11,13 +11,13 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.optimize import STAGES, RefineSettings, SearchResult, merge, refine
 from mofit.optimize.linkage import linked_starts
-from mofit.optimize.local_minima import Closeness
+from mofit.optimize.local_minima import Closeness, Refined
 from mofit.optimize.minima_archive import expected_undiscovered
-from mofit.problem import Problem, explained
+from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explained
 
-#: A simulator's noise hides smaller gains than these: 1e-2 standard deviations. What the descent leaves the sampling
-#: finds, since the emulator is trained around the end and not only there.
-COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=1e-2, decrease_tolerance=1e-4, most_damping=1e5)
+#: A simulator's noise hides smaller gains than these, a hundredth of a nat. What the descent leaves the sampling finds,
+#: since the emulator is trained around the end and not only there.
+COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=0.1, decrease_tolerance=1e-2, most_damping=1e5)
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
 SHARE, STEPS = 0.5, 8
 #: Descents that begin together, and the expected number of undiscovered minima at which no others begin.
@@ -29,6 +29,14 @@ def settings_for(
 ) -> RefineSettings:
     """Settings of a descent."""
     return replace(RefineSettings() if problem.evaluations is None else COSTLY, merge=merge, until=until)
+
+
+def descend(posterior: CampaignPosterior | AdjustedPosterior, starts: FloatArray, settings: RefineSettings) -> Refined:
+    """As `mofit.optimize.refine`; differences are taken only where a step is accepted, which saves most simulations."""
+    problem = posterior.problem if isinstance(posterior, AdjustedPosterior) else posterior
+    evaluations = problem.main.evaluations
+    by_differences = evaluations is not None and not evaluations.offers_slopes
+    return refine(posterior.evaluate, starts, settings, posterior.value if by_differences else None)
 
 
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
@@ -58,6 +66,7 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
     """
     evaluations = problem.evaluations
     assert evaluations is not None
+    evaluations.settle(near_minimum=False)
     rows = list(dict.fromkeys([*found.archived.tolist(), *linked_starts(found.points, found.cost, 1.0)]))
     before, allowed = evaluations.count, SHARE * evaluations.left
     each = STEPS * len(problem.tests) * (1 + len(problem.space))
@@ -70,10 +79,13 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
             break
         batch = rows[tried : tried + int(np.clip(affordable, 1, ROUND))]
         with explained(problem):
-            ends = refine(problem.evaluate, np.concatenate([minima, found.points[batch]]), settings)
-        reached = merge(ends, values=lambda u: -problem.log_posterior(u))
+            ends = descend(problem, np.concatenate([minima, found.points[batch]]), settings)
+        every = merge(ends, values=lambda u: -problem.log_posterior(u))
+        # what is still on its way is no minimum, and to follow it may take all simulations
+        reached = [one for one in every if one.converged] or every
         minima, tried = np.stack([minimum.point for minimum in reached]), tried + len(batch)
         undiscovered = expected_undiscovered(tried, len(minima))
+    evaluations.settle(near_minimum=True)
     complete = undiscovered <= UNDISCOVERED
     if tried == len(rows) and not complete:  # no start is left: how many basins there are these few do not tell
         return found, minima

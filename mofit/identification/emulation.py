@@ -19,8 +19,8 @@ from mofit.simulation.evaluation.surface import PER_COEFFICIENT, coefficients
 
 LogPosterior = Callable[[FloatArray], FloatArray]
 
-#: Error of the log posterior, in nats, at which refining ends: within the draws that check it, it moves no mean by more
-#: than 2 % of a standard deviation, and that only if it were to grow along one parameter alone.
+#: Error of the log posterior, in nats, at which refining ends: it moves no mean by more than 2 % of a standard
+#: deviation, and that only if it were to grow along one parameter alone.
 WANTED = 0.02
 #: Error beyond which the sampled posterior is not to be trusted: densities are wrong by a third.
 ACCEPTED = 0.3
@@ -32,6 +32,8 @@ FIRST = 1.6
 CHECKS_PER_PARAMETER, FEWEST_CHECKS = 2, 10
 #: Rounds of checking and refining at most.
 ROUNDS = 12
+#: Half of them are draws of the posterior to this power, which is wider: a tail that the emulator lacks is among these.
+WIDER = 0.5
 #: Short chains suffice to draw points that check.
 _QUICK = SampleSettings(max_steps=60, min_rounds=3, max_rounds=6)
 
@@ -41,7 +43,7 @@ class EmulatorCheck:
     """How well an emulator stands for the simulator."""
 
     error: float
-    """Root mean square error of the log posterior at fresh draws, nats; infinite: never checked."""
+    """Root mean square error of the log posterior over it, from fresh draws, nats; infinite: never checked."""
     trained: int
     """Parameter sets that it was trained at."""
     simulations: int
@@ -95,16 +97,48 @@ def emulated(
         checks = training.affordable(max(FEWEST_CHECKS, CHECKS_PER_PARAMETER * len(point)))
         if rounds == ROUNDS or checks < min(FEWEST_CHECKS, len(point) + 1):
             break
-        target = within(quick.log_posterior)
-        chains = sample_mode(target, point, covariance, (seed, 7, rounds), _QUICK)
-        late = chains.chain[:, chains.chain.shape[1] // 2 :].reshape(-1, len(point))
-        fresh = late[np.random.default_rng((seed, 8, rounds)).integers(len(late), size=checks)]
+        fresh = _Fresh.drawn(within(quick.log_posterior), point, covariance, (seed, 7, rounds), checks)
         error, rounds = training.error(adjusted, quick, fresh), rounds + 1
         progress(training.simulations, 0, f"emulator: error {error:.2g} nats (log posterior) at {checks} fresh draws")
         if error <= WANTED:
             quick = training.posterior(adjusted)
             break
     return quick, EmulatorCheck(error, training.count, training.simulations, rounds)
+
+
+@dataclass(frozen=True)
+class _Fresh:
+    r"""Draws that check an emulated posterior p: half of its own, half of the wider :math:`q \propto p^{1/2}`.
+
+    An error :math:`e` counts by the density of the true posterior or of the emulated one, where that is more, over that
+    of the draws (balance heuristic, Veach and Guibas 1995):
+
+    .. math:: \overline{e^2} = \frac1K \sum_k \frac{2 p_k}{p_k + q_k} \max(1, e^{-e_k}) \, e_k^2
+    """
+
+    points: FloatArray
+    """Shape (K, d)."""
+    weights: FloatArray
+    """:math:`2 p / (p + q)`, (K,)."""
+
+    @classmethod
+    def drawn(
+        cls, target: LogPosterior, point: FloatArray, covariance: FloatArray, seed: tuple[int, ...], count: int
+    ) -> _Fresh:
+        """Draws of a posterior around its minimum."""
+        chains = sample_mode(lambda u: WIDER * target(u), point, covariance / WIDER, seed, _QUICK)
+        late = chains.chain[:, chains.chain.shape[1] // 2 :].reshape(-1, len(point))
+        narrower = (1 - WIDER) * target(late)
+        ratio = np.exp(narrower - narrower.max())
+        ratio /= ratio.mean()
+        rng = np.random.default_rng((*seed, 8))
+        own = rng.choice(len(late), size=count - count // 2, p=ratio / ratio.sum())
+        rows = np.concatenate([own, rng.integers(len(late), size=count // 2)])
+        return cls(late[rows], 2 * ratio[rows] / (1 + ratio[rows]))
+
+    def error(self, wrong: FloatArray) -> float:
+        """Root mean square of errors (K,), emulated less true log posterior."""
+        return float(np.sqrt(np.mean(self.weights * np.maximum(1.0, np.exp(np.minimum(-wrong, 50.0))) * wrong**2)))
 
 
 @dataclass
@@ -212,12 +246,12 @@ class _Training:
         by_differences = 0.5 * np.sum(np.sum(root**2, axis=1) / sizes**2)
         return bool(by_differences > len(root) / (SPREAD**2 * self.count))
 
-    def error(self, adjusted: AdjustedPosterior, quick: AdjustedPosterior, points: FloatArray) -> float:
-        """Error of the emulated log posterior at points (K, d), which are learned from then.
+    def error(self, adjusted: AdjustedPosterior, quick: AdjustedPosterior, fresh: _Fresh) -> float:
+        """Error of the emulated log posterior at draws, which are learned from then.
 
         Where the simulator fails the emulator is wrong by as much as it matters: such points count as wrong by a nat.
         """
-        mapped = quick.adjustment.mapped(points)
-        self.add(self.problem.layout.full(mapped))
-        wrong = quick.log_posterior(points) - replace(quick, problem=adjusted.problem).log_posterior(points)
-        return float(np.sqrt(np.mean(np.where(np.isfinite(wrong), wrong, 1.0) ** 2)))
+        self.add(self.problem.layout.full(quick.adjustment.mapped(fresh.points)))
+        true = replace(quick, problem=adjusted.problem)
+        wrong = quick.log_posterior(fresh.points) - true.log_posterior(fresh.points)
+        return fresh.error(np.where(np.isfinite(wrong), wrong, 1.0))

@@ -11,9 +11,9 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
-from mofit.identification.descents import settings_for
+from mofit.identification.descents import descend, settings_for
 from mofit.identification.settled_noise import with_settled_noise
-from mofit.optimize import STAGES, Minimum, merge, refine
+from mofit.optimize import STAGES, Minimum, merge
 from mofit.problem import CampaignPosterior, Problem, explained
 from mofit.sampling import laplace_log_evidence, mode_weights
 
@@ -36,11 +36,11 @@ def refined(
     """
     settings = settings_for(problem.main, until=until)
     with explained(problem.main):
-        first = _with_stage(merge(refine(problem.evaluate, starts, settings)), found_by or [""] * len(starts))
+        first = _with_stage(merge(descend(problem, starts, settings)), found_by or [""] * len(starts))
     if not first:
         raise InputError.of("refinement", "every start failed", "Check the model, or narrow the bounds")
     counted = with_settled_noise(problem, first[0].point)
-    again = refine(counted.evaluate, np.stack([minimum.point for minimum in first]), settings)
+    again = descend(counted, np.stack([minimum.point for minimum in first]), settings)
     merged = merge(again, values=lambda u: -counted.log_posterior(u))
     return counted, _with_stage(merged, [minimum.found_by for minimum in first])
 

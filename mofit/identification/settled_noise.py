@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.identification.descents import settings_for
-from mofit.optimize import merge, refine
+from mofit.identification.descents import descend, settings_for
+from mofit.optimize import merge
 from mofit.problem import CampaignPosterior
 
 P = TypeVar("P", bound=CampaignPosterior)
@@ -28,7 +28,7 @@ def with_settled_noise(problem: P, point: FloatArray) -> P:
     if len(problem.main.model.outputs) == 1:
         return counted
     for _ in range(ROUNDS):
-        found = merge(refine(counted.evaluate, point[None], settings_for(problem.main)))
+        found = merge(descend(counted, point[None], settings_for(problem.main)))
         if not found:
             break
         point, former = found[0].point, counted.main.noise.weights

@@ -14,7 +14,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
-from mofit.identification.descents import completed, settings_for, starts_of
+from mofit.identification.descents import completed, descend, settings_for, starts_of
 from mofit.identification.findings import Finding
 from mofit.identification.mode_sampling import sample_modes
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
@@ -29,7 +29,7 @@ from mofit.identification.valley_path import along_valley
 from mofit.identification.valleys import without_joined
 from mofit.identification.widening import widenings, wider_scoped, wider_setup
 from mofit.models import Model
-from mofit.optimize import Minimum, SearchResult, merge, only_point, refine
+from mofit.optimize import Minimum, SearchResult, merge, only_point
 from mofit.optimize import Progress as SearchProgress
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, adjusted_posterior, explained
 from mofit.runtime.progress import Progress, StageTimer, silent
@@ -192,6 +192,6 @@ def adjusted_modes(
             adjusted = adjusted.unmapped()
             valley = along_valley(adjusted.evaluate, minimum.point, adjusted.hessian)
             valleys += [] if valley is None else [valley]
-        (moved, *_) = merge(refine(adjusted.evaluate, minimum.point[None], descent))
+        (moved, *_) = merge(descend(adjusted, minimum.point[None], descent))
         located.append((replace(moved, found_by=minimum.found_by), adjusted))
     return tuple(sorted(located, key=lambda pair: -log_evidence(pair[0])))

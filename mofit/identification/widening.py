@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.identification.descents import settings_for
+from mofit.identification.descents import descend, settings_for
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
-from mofit.optimize import Minimum, merge, refine
+from mofit.optimize import Minimum, merge
 from mofit.parameters import ParameterSpace
 from mofit.problem import CampaignPosterior
 from mofit.problem.scoped_estimates import scoped_at_bound
@@ -78,7 +78,7 @@ def wider_setup(
         target = wider.posterior.with_noise(noise)
         starts = _with_hyperparameters(beyond_ends((best or setup).space, space, values, sides), minimum.point)
         (cost, *_), *_ = target.evaluate(starts[:1])
-        (found, *_) = merge(refine(target.evaluate, starts, settings_for(target.main))) or (None,)
+        (found, *_) = merge(descend(target, starts, settings_for(target.main))) or (None,)
         if found is None or not cost - found.value > WORTH:
             break
         best, values, sides = wider, space.from_unit(found.point[:shared]), found.at_bound[:shared]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
-from mofit.optimize.local_minima import Closeness, Refined, Status, close_pairs
+from mofit.optimize.local_minima import Closeness, Refined, Status, Values, close_pairs
 from mofit.optimize.trust_region_step import box_step, pressed, scaled_gradient
 
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
@@ -73,7 +73,9 @@ class _State:
     evaluations: int
 
 
-def refine(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | None = None) -> Refined:
+def refine(
+    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | None = None, values: Values | None = None
+) -> Refined:
     r"""Minimise a function from every start, all starts in one call per iteration.
 
     Each iteration solves the damped Gauss-Newton model in the box (`box_step`), accepts the step if the value falls by
@@ -90,6 +92,8 @@ def refine(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | Non
         Points of the unit cube, shape (K, d); clipped to it.
     settings
         Tolerances and limits.
+    values
+        The values alone, where derivatives cost far more: then these are taken only where a step is accepted.
 
     Raises
     ------
@@ -101,7 +105,7 @@ def refine(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | Non
     Nielsen: Damping parameter in Marquardt's method (1999). Nocedal, Wright: Numerical Optimization (2006), chapters 4,
     10 and 16.
     """
-    found = _minimise(lambda points, _: evaluate(points), starts, settings or RefineSettings())
+    found = _minimise(lambda points, _: evaluate(points), starts, settings or RefineSettings(), values)
     if set(found.status) == {"failed"}:
         message = f"none of the {len(found.points)} start points could be evaluated"
         raise InputError.of("refine", message, "Check the model, or widen the search")
@@ -110,16 +114,16 @@ def refine(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | Non
 
 def minimise_each(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSettings) -> Refined:
     """As `refine`, but each start has a function of its own, none is merged, and all may fail."""
-    return _minimise(evaluate, starts, replace(settings, merge=None))
+    return _minimise(evaluate, starts, replace(settings, merge=None), None)
 
 
-def _minimise(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSettings) -> Refined:
+def _minimise(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSettings, judge: Values | None) -> Refined:
     state = _begin(evaluate, np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), 0.0, 1.0), settings)
     for _ in range(settings.max_iterations):
         state = _settle(state, settings)
         if not state.active.any() or time.monotonic() > settings.until:
             break
-        state = _advance(evaluate, state, settings)
+        state = _advance(evaluate, state, settings, judge)
     return _result(_settle(state, settings), settings)
 
 
@@ -151,6 +155,20 @@ def _evaluated(
     return np.asarray(values, dtype=float), gradients, hessians, usable
 
 
+def _evaluated_where(
+    evaluate: EvaluateEach, points: FloatArray, rows: NDArray[np.int64], where: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """As `_evaluated`, of some of the points; the others count as not usable."""
+    if where.all():
+        return _evaluated(evaluate, points, rows)
+    (count, d), usable = points.shape, np.zeros(len(points), dtype=bool)
+    values, gradients, hessians = np.full(count, np.nan), np.zeros((count, d)), np.zeros((count, d, d))
+    if where.any():
+        found = _evaluated(evaluate, points[where], rows[where])
+        values[where], gradients[where], hessians[where], usable[where] = found
+    return values, gradients, hessians, usable
+
+
 def _predicted_decrease(state: _State, settings: RefineSettings) -> FloatArray:
     """What an undamped step would gain, in nats, shape (K,)."""
     least = np.full(len(state.points), settings.least_damping)
@@ -177,7 +195,7 @@ def _merged(state: _State, closeness: Closeness) -> _State:
     return replace(state, active=state.active & ~merged, representative=np.where(merged, best, state.representative))
 
 
-def _advance(evaluate: EvaluateEach, state: _State, settings: RefineSettings) -> _State:
+def _advance(evaluate: EvaluateEach, state: _State, settings: RefineSettings, judge: Values | None) -> _State:
     """One step of every active start, the best of those tried."""
     rows = np.flatnonzero(state.active)
     tried = np.outer(state.damping[rows], settings.dampings[: max(settings.lanes // len(rows), 1)])
@@ -185,7 +203,8 @@ def _advance(evaluate: EvaluateEach, state: _State, settings: RefineSettings) ->
     here, value = state.points[source], state.values[source]
     step, fall = box_step(here, state.gradients[source], state.hessians[source], flat, settings.longest_step)
     trial = np.clip(here + step, 0.0, 1.0)
-    values, gradients, hessians, usable = _evaluated(evaluate, trial, source)
+    falls = np.ones(len(trial), dtype=bool) if judge is None else value - judge(trial) > settings.accept * fall
+    values, gradients, hessians, usable = _evaluated_where(evaluate, trial, source, falls)
     ratio = np.where(usable & (fall > 0), (value - values) / np.where(fall > 0, fall, 1.0), -1.0)
     good = ratio > settings.accept
 

@@ -37,12 +37,15 @@ class AdjustedPosterior:
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""
 
-        def likelihood(points: FloatArray) -> FloatArray:
-            mapped = self.adjustment.mapped(points)
-            change = self.problem.squares(mapped) - self.squares
-            return self.offset + self.adjustment.value(change, points) + self.problem.log_volume(mapped) - self.volume
+        def volume(points: FloatArray) -> FloatArray:
+            return self.problem.log_volume(self.adjustment.mapped(points)) - self.volume
 
-        return inside_cube(u, lambda points: likelihood(points) + self.problem.prior_terms(points)[0])
+        return inside_cube(u, lambda points: self.value(points) + volume(points))
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Negative log posterior (N,) as of `evaluate`, without derivatives."""
+        change = self.problem.squares(self.adjustment.mapped(u)) - self.squares
+        return self.offset + self.adjustment.value(change, u) + self.problem.prior_terms(u)[0]
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (N,), its gradient (N, d) and Gauss-Newton Hessian (N, d, d)."""

@@ -45,6 +45,9 @@ class CampaignPosterior(Posterior, Protocol):
     def prior_terms(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log prior (N,), its gradient (N, d) and Hessian (N, d, d)."""
 
+    def value(self, u: FloatArray) -> FloatArray:
+        """Negative log density (N,) as of `evaluate`, without derivatives; scoped parameters are not integrated out."""
+
     def squares(self, u: FloatArray) -> FloatArray:
         """Weighted sum of squares of all tests, shape (N,)."""
 
@@ -126,6 +129,13 @@ class JointProblem:
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Negative log posterior (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
         return self._total(u, lambda problem, points: problem.evaluate(points))
+
+    def value(self, u: FloatArray) -> FloatArray:
+        """Negative log posterior (N,) as of `evaluate`, without derivatives."""
+        total = self.main.value(u)
+        for companion in self.companions:
+            total = total + companion.value(self._mapped(companion, u)[0])
+        return total
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density, shape (N,); -inf outside the cube or where a simulation fails."""

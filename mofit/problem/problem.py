@@ -146,12 +146,12 @@ class Problem:
 
     def log_posterior(self, u: FloatArray) -> FloatArray:
         """Log posterior density in the unit cube up to a constant, shape (N,); -inf outside or where it fails."""
+        return inside_cube(u, lambda points: self.value(points) + self.log_volume(points))
 
-        def likelihood(points: FloatArray) -> FloatArray:
-            cost = self.simulator.cost(self.layout.full(points))
-            return negative_log_likelihood(cost, self.noise) + self.log_volume(points)
-
-        return inside_cube(u, lambda points: likelihood(points) + self.prior_terms(points)[0])
+    def value(self, u: FloatArray) -> FloatArray:
+        """Negative log posterior (N,) as of `evaluate`, without derivatives."""
+        cost = self.simulator.cost(self.layout.full(u))
+        return negative_log_likelihood(cost, self.noise) + self.prior_terms(u)[0]
 
     def log_volume(self, u: FloatArray) -> FloatArray:
         """What the scoped parameters, integrated out, add to the negative log likelihood, shape (N,)."""

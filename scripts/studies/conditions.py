@@ -42,6 +42,7 @@ from conditions_cases import (
     true_values,
 )
 from conditions_page import page
+from kept import kept
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.identification.conditions import study_conditions
@@ -56,7 +57,7 @@ from mofit.models import Model, find_model, values_under
 from mofit.prediction.draws import posterior_draws
 from mofit.prediction.records import Prediction, predict_records
 from mofit.results import parameter_layout
-from report_page import ROOT, header, kept, made_with, write_page
+from report_page import ROOT, header, made_with, write_page
 
 MODEL = "maxwell_damper"
 DRAWS = 4000

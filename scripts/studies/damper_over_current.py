@@ -14,11 +14,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from kept import kept
 from mofit.data import import_files, joined
 from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.results import summary
-from report_page import ROOT, header, kept, made_with, table, write_page
+from report_page import ROOT, header, made_with, table, write_page
 
 
 def measured(data: Path, work: Path) -> dict[str, Any]:

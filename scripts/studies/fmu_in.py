@@ -1,7 +1,7 @@
 """What does mofit make of FMUs that it is given? Writes reports/fmu_in/README.md.
 
     python scripts/studies/fmu_in.py [--campaigns 100] [--exported N] [--beside 10] [--reference FOLDER]
-                                     [--work FOLDER]
+                                     [--work FOLDER] [--former FOLDER]
 
 A spring and a damper in parallel, as an FMU that PythonFMU made (FMI 2.0) and as one that mofit exported (FMI 3.0),
 both for co-simulation with one communication step per sample. Stiffness and damping are drawn from the prior, uniform
@@ -14,7 +14,8 @@ scipy's L-BFGS-B, both with differences. What simulate_fmu records behind a step
 it: PythonFMU's FMU has them a sample ahead there. mofit's own carries them on by their derivatives, and is given those
 of a cubic spline; without them it holds the velocity, which is a sample late then. The first period of a test does not
 count, for any of them: mofit takes it for the transient. One simulation is one record, everywhere. Rows that the work
-folder holds already are kept.
+folder holds already are kept if the same code made them. Rows of former code are counted too, and compared: campaigns
+that both have must have the same posterior.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import fmu_reference
-from any_simulator import INTERVAL
+from fmu_in_page import FMUS, beside_line, calibration, former_rows
+from kept import kept, made_by
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment, Measurement
 from mofit.identification.mode_sampling import sample_modes
@@ -44,7 +46,7 @@ from mofit.parameters import Parameter, ParameterSpace
 from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
 from mofit.simulation.evaluation.executors import evaluated_in
 from records_cases.peers import by_pypesto, by_scipy
-from report_page import ROOT, header, kept, made_with, table, write_page
+from report_page import ROOT, header, table, write_page
 
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
@@ -76,7 +78,6 @@ DRIVEN = {
 }
 #: Share of a sampling interval by which they are looked up behind a sample.
 AFTER = 1e-9
-FMUS = {"pythonfmu": "PythonFMU", "exported": "mofit export"}
 PEERS: dict[str, Callable[..., FloatArray]] = {"scipy + fmpy": by_scipy, "pyPESTO + fmpy": by_pypesto}
 
 
@@ -202,30 +203,6 @@ def by_peer(peer: str, kind: str, number: int, work: Path) -> dict[str, Any]:
     return {"estimate": estimate.tolist(), "simulations": count, "seconds": seconds}
 
 
-def coverage_line(kind: str, rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """How often the truth is inside."""
-    place = np.array([row["place"] for row in rows])
-    inside = (place >= INTERVAL[0]) & (place <= INTERVAL[1])
-    used = [row["simulations"] for row in rows]
-    return (
-        FMUS[kind], f"{len(rows)}", f"{100 * inside.mean():.1f} % of {inside.size}",
-        f"{100 * np.sqrt(0.09 / inside.size):.1f} %", f"{min(used)} to {max(used)}",
-        f"{max(row['error'] for row in rows):.2g}", f"{np.median([row['seconds'] for row in rows]):.1f}",
-    )  # fmt: skip
-
-
-def beside_line(what: str, centres: Any, rows: Sequence[dict[str, Any]], equations: Sequence[dict[str, Any]]) -> tuple:
-    """Estimates beside the posteriors of the equations."""
-    there, sd = (np.array([row[key] for row in equations]) for key in ("mean", "sd"))
-    shift = np.abs(np.array(centres) - there) / sd
-    ratio = np.array([row["sd"] for row in rows]) / sd if "sd" in rows[0] else None
-    return (
-        what, f"{shift.max():.4f}", "-" if ratio is None else f"{ratio.min():.3f} to {ratio.max():.3f}",
-        f"{np.median([row.get('simulations', 0) for row in rows]):.0f}",
-        f"{np.median([row['seconds'] for row in rows]):.1f}",
-    )  # fmt: skip
-
-
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
@@ -234,6 +211,7 @@ def main() -> None:
     parser.add_argument("--beside", type=int, default=10)
     parser.add_argument("--reference", type=Path, help="folder with reference FMUs of the FMI project")
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "fmu_in")
+    parser.add_argument("--former", type=Path, help="work folder with rows of former code")
     arguments = parser.parse_args()
     work, beside = arguments.work.resolve(), range(min(arguments.beside, arguments.campaigns))
     work.mkdir(parents=True, exist_ok=True)
@@ -257,12 +235,11 @@ def main() -> None:
     lines.append(beside_line("mofit, equations", [row["mean"] for row in equations], equations, equations))
     more = "" if arguments.exported is None else f" --exported {exported}"
     more += "" if arguments.reference is None else " --reference FOLDER"
+    more += "" if arguments.former is None else " --former FOLDER"
     command = f"fmu_in.py --campaigns {arguments.campaigns} --beside {len(beside)}{more}"
-    cover = ("FMU by", "campaigns", "truth in the 90 % interval", "standard error if it is 90 %", "simulations",
-             "largest error of an emulator, nats", "s (median)")  # fmt: skip
     write_page("fmu_in", [
-        *header("FMUs in", __doc__, command, made_with("fmpy", "pythonfmu", "pypesto")),
-        "## Calibration", "", *table(cover, [coverage_line(kind, rows) for kind, rows in made.items()]),
+        *header("FMUs in", __doc__, command, made_by("fmpy", "pythonfmu", "pypesto")),
+        *calibration(made, {kind: former_rows(kind, arguments.former) for kind in made}),
         "## Beside equations and other programs", "",
         f"The first {len(beside)} campaigns. Estimates of the other programs are points, without an interval: their "
         "shift from the posterior mean is that of a minimum of plain squares.", "", *table(columns, lines),

@@ -16,9 +16,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from kept import kept
 from mofit.data import Campaign, import_files, propose_map
 from mofit.errors import InputError
-from report_page import ROOT, header, kept, made_with, table, write_page
+from report_page import ROOT, header, made_with, table, write_page
 
 #: lines of a proposed map that are replaced, by a pattern of the path: (what the line begins with, the new line)
 EDITS: dict[str, tuple[tuple[str, str], ...]] = {

@@ -1,10 +1,9 @@
-"""What studies and their pages share: rows that are kept, title, method, the command, tables, versions."""
+"""What studies and their pages share: title, method, the command, tables, versions."""
 
 from __future__ import annotations
 
-import json
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -13,14 +12,6 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[2]
 #: Libraries that the numbers of a study depend on.
 LIBRARIES = ("numpy", "scipy", "casadi", "llvmlite", "emcee")
-
-
-def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """A row from its file, or made and written there."""
-    if not file.exists():
-        file.write_text(json.dumps(make()), encoding="utf-8")
-    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return found
 
 
 def header(title: str, doc: str | None, command: str, note: str = "") -> list[str]:

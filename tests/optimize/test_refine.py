@@ -193,3 +193,19 @@ def test_merging_saves_evaluations_and_shares_the_end():
     assert merged.status.count("converged") >= 1
     np.testing.assert_allclose(merged.points, followed.points, atol=1e-3)
     assert len(np.unique(merged.points, axis=0)) == merged.status.count("converged")
+
+
+def test_with_values_derivatives_are_taken_where_a_step_is_accepted_alone():
+    problem, derived = PROBLEMS[1], []
+
+    def evaluate(u):
+        derived.extend(map(tuple, u))
+        return problem.evaluate(u)
+
+    whole = refine(evaluate, [[0.2, 0.9]])
+    assert len(derived) == whole.evaluations
+    derived.clear()
+    judged = refine(evaluate, [[0.2, 0.9]], values=lambda u: problem.evaluate(u)[0])
+    np.testing.assert_array_equal(judged.points, whole.points)
+    assert judged.evaluations == whole.evaluations > len(derived)
+    assert np.all(np.diff(problem.evaluate(np.array(derived))[0]) < 0)

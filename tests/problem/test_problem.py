@@ -158,6 +158,7 @@ def test_joint_posterior_adds_up(campaign, problem):
     )
     value, gradient, hessian = joint.evaluate(u)
     assert value == pytest.approx(-joint.log_posterior(u), rel=1e-12)
+    assert value == pytest.approx(joint.value(u), rel=1e-12)
     for i in range(2):
         shift = np.eye(2)[i] * 2e-4  # larger than a jump where the number of integration steps changes
         differences = (joint.evaluate(u + shift)[0] - joint.evaluate(u - shift)[0]) / 4e-4

@@ -65,6 +65,9 @@ def test_profile_and_derivatives_are_those_of_linear_least_squares() -> None:
         assert cost.sum() == pytest.approx(residual @ residual, rel=1e-9)
         assert gradient.sum() == pytest.approx(-projected @ residual, rel=1e-6, abs=1e-9)
         assert normal.sum() == pytest.approx(projected @ projected, rel=1e-6)
+        assert problem.value(problem.space.to_unit([[k]])) == pytest.approx(
+            problem.evaluate(problem.space.to_unit([[k]]))[0], rel=1e-9
+        )
         estimates = problem.simulator.best(p).values[0]
         assert estimates[:, 1] == pytest.approx(inner[:4], abs=1e-6)
         assert estimates[:, 2] == pytest.approx(inner[[4, 5, 4, 5]], abs=1e-6)

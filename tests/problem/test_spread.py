@@ -39,6 +39,7 @@ def test_derivatives(fitted, with_gap):
     u = point + 0.002 * np.array([[1.0, -1.0, 0.5], [-0.5, 0.3, 1.0]])
     value, gradient, hessian = wide.evaluate(u)
     np.testing.assert_allclose(value, -wide.log_posterior(u), rtol=1e-12)
+    np.testing.assert_allclose(value, wide.value(u), rtol=1e-12)
     step = 1e-6
     for k, move in enumerate(step * np.eye(3)):
         central = (wide.evaluate(u + move)[0] - wide.evaluate(u - move)[0]) / (2 * step)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from itertools import accumulate
 
 import numpy as np
@@ -23,8 +24,6 @@ from mofit.simulation.time_grid import StepChoice, StepLevel
 _AT_ONCE = 2e7
 #: Runge-Kutta steps per sampling interval of the effects around a simulator.
 FILTER_STEPS = 4
-#: Tests on which steps of differences are found: the noise of a solver is its own, not the test's.
-_PROBED = 2
 
 
 class BlackBoxEngine:
@@ -56,7 +55,7 @@ class BlackBoxEngine:
         result = np.full((len(p), len(experiments), len(self.system.outputs), terms), np.nan)
         for rows in self._parts(experiments, p, derivatives):
             own = [replace_taken(choice, rows) for choice in choices]
-            found = self._values(experiments, p[rows], own, derivatives, central=False)
+            found = self._values(experiments, p[rows], own, derivatives, central=self.evaluations.near_minimum)
             for test, (experiment, values) in enumerate(zip(experiments, found, strict=True)):
                 result[rows, test] = sums_of(experiment, values)
         return result
@@ -195,16 +194,19 @@ class BlackBoxEngine:
         known = self.evaluations.steps
         missing = [name for name in self.free if name not in known]
         if missing:
-            probed, own = experiments[:_PROBED], choices[:_PROBED]
-
-            def respond(sets: FloatArray) -> FloatArray:
-                found = self._respond(probed, [sets] * len(probed), own)
-                extents = [np.ptp(values[0], axis=0) for values in found]
-                relative = [v / np.where(e > 0, e, 1.0) for v, e in zip(found, extents, strict=True)]
-                return np.concatenate([values.reshape(len(sets), -1) for values in relative], axis=1)
-
-            known |= find_steps(respond, self.system.space, p, missing, self.system.reaching)
+            respond = partial(self._relative, experiments, choices)
+            part = partial(self._relative, experiments[:1], choices[:1])
+            known |= find_steps(respond, self.system.space, p, missing, self.system.reaching, part)
         return known
+
+    def _relative(
+        self, experiments: Sequence[ExperimentData], choices: Sequence[StepChoice], sets: FloatArray
+    ) -> FloatArray:
+        """Outputs of tests at sets, each relative to its range, (K, m)."""
+        found = self._respond(experiments, [sets] * len(experiments), choices)
+        extents = [np.ptp(values[0], axis=0) for values in found]
+        relative = [values / np.where(extent > 0, extent, 1.0) for values, extent in zip(found, extents, strict=True)]
+        return np.concatenate([values.reshape(len(sets), -1) for values in relative], axis=1)
 
     def _respond(
         self, experiments: Sequence[ExperimentData], sets: Sequence[FloatArray], choices: Sequence[StepChoice]

@@ -63,11 +63,18 @@ class Evaluations:
         """Simulations that were asked for beyond the limit."""
         self.steps: dict[str, Step] = {}
         """Steps of differences by parameter, see `mofit.simulation.evaluation.differences`."""
+        self.near_minimum = False
+        """Whether descents take central differences where forward ones are coarse: by these they end beside it."""
 
     @property
     def left(self) -> float:
         """Simulations that are still allowed."""
         return max(self.limit - sum(self.reserved.values()) - self.count, 0)
+
+    def settle(self, near_minimum: bool) -> None:
+        """From now on descents are near a minimum or not; steps of differences are found anew."""
+        self.near_minimum = near_minimum
+        self.steps.clear()
 
     @property
     def offers_slopes(self) -> bool:
