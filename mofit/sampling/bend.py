@@ -2,8 +2,8 @@ r"""A shear that straightens a bent posterior: narrow directions follow a polyno
 
 .. math:: y = A^T (x - m), \qquad z_k = y_k - b_k - \sum_{i < k} b_{ki} y_i - \sum_{i \le j < k} b_{kij} y_i y_j
 
-with the axes A in descending order of the spread, and i and j among the w widest. Its Jacobian has the determinant 1: densities keep their values, and
-moves in the straight coordinates z leave a target invariant as they do in x.
+with the axes A in descending order of the spread, and i and j among the w widest. Its Jacobian has the determinant 1:
+densities keep their values, and moves in the straight coordinates z leave a target invariant as they do in x.
 
 References
 ----------

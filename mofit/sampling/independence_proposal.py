@@ -218,7 +218,9 @@ class _Choice:
     def _judged(self, mixture: StudentTMixture) -> tuple[float, float]:
         """Least predicted time, and the degrees of freedom that it takes."""
         points = self.points[self.judging]
-        return min((predicted_time(replace(mixture, freedom=nu), points, self.log_prob), nu) for nu in DEGREES_OF_FREEDOM)
+        return min(
+            (predicted_time(replace(mixture, freedom=nu), points, self.log_prob), nu) for nu in DEGREES_OF_FREEDOM
+        )
 
 
 def _fitted(points: FloatArray, components: int, wide: int) -> StudentTMixture | None:
