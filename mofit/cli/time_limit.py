@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,9 +13,7 @@ from mofit.cli.app import seconds
 
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
-#: Seconds until the alarm rings again, should the first one be lost: what a destructor raises is.
-AGAIN = 1.0
-#: Seconds until it rings again where it rang in what must be done whole.
+#: Seconds until the alarm rings again where it rang in what must be done whole, or where what it raised was lost.
 POSTPONED = 0.02
 #: What must be done whole: an import (a module imported by half stays so) and logging (a lock kept stops every thread).
 WHOLE = ("importlib._bootstrap", "logging")
@@ -38,9 +37,10 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
         yield limit
         return
     before = signal.signal(signal.SIGALRM, _raise)
-    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit, AGAIN)
+    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit)
     try:
-        yield limit
+        with _raised_again_where_lost():
+            yield limit
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
@@ -48,9 +48,27 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
 
 def _raise(_: int, frame: FrameType | None) -> None:
     if _in_what_must_be_whole(frame):
-        signal.setitimer(signal.ITIMER_REAL, POSTPONED, AGAIN)
+        signal.setitimer(signal.ITIMER_REAL, POSTPONED)
         return
     raise TimeIsUp
+
+
+@contextmanager
+def _raised_again_where_lost() -> Iterator[None]:
+    """What a destructor or the callback of a weak reference raises reaches nobody: the alarm rings again."""
+    before = sys.unraisablehook
+
+    def lost(raised: sys.UnraisableHookArgs) -> None:
+        if isinstance(raised.exc_value, TimeIsUp):
+            signal.setitimer(signal.ITIMER_REAL, POSTPONED)
+        else:
+            before(raised)
+
+    sys.unraisablehook = lost
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def _in_what_must_be_whole(frame: FrameType | None) -> bool:

@@ -1,7 +1,8 @@
 """A small identification that mofit and its peers all run to the end, each with its own simulator.
 
-One sine test of two seconds and three free parameters, on one core. The peers' searches and samplers are those of the
-benchmark `pipeline`, where the whole job would take them hours.
+Half a second of one sine test and two free parameters, on one core; with two seconds and the paper's Maxwell damper
+free as well, a single peer takes more than an hour. The peers' searches and samplers are those of the benchmark
+`pipeline`, where the whole job would take them hours.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def test_parameter_sets_of_any_simulator_are_counted(job):
 
 def test_peers_run_a_small_job_on_their_own_simulator():
     job = small.job(0)
-    best = merge(refine(job.whole.evaluate, np.full((1, 3), 0.4)))[0].point
+    best = merge(refine(job.whole.evaluate, np.full((1, 2), 0.4)))[0].point
     points = np.stack([best, best + 0.01])
     own = by_script.log_posterior(job.task)(points)
     assert np.diff(own) == pytest.approx(np.diff(job.whole.log_posterior(points)), abs=0.05)

@@ -77,6 +77,22 @@ def _log_and_sleep(log):
     time.sleep(5)
 
 
+class _SlowToDestroy:
+    def __del__(self):
+        time.sleep(0.1)
+
+
+def test_an_end_that_a_destructor_swallows_is_told_again(capsys):
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        _destroy_and_sleep()
+    assert capsys.readouterr().err == ""
+
+
+def _destroy_and_sleep():
+    _SlowToDestroy()
+    time.sleep(5)
+
+
 FORKS = """
 import multiprocessing, os, time
 from mofit.cli.time_limit import TimeIsUp, time_limit
