@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mofit.sampling import laplace_covariance, sample_mode
 from mofit.sampling.bend import fitted_bend
+from mofit.sampling.independence_proposal import best_proposal, predicted_time
 
 SD = np.array([0.04, 0.02, 0.001])
 BEND, FREEDOM = 3.0, 5.0
@@ -44,6 +45,20 @@ def test_a_known_bend_is_found(wide):
 def test_too_few_draws_have_no_bend():
     assert fitted_bend(draws(50, 0), 2) is None
     assert fitted_bend(draws(50, 0), 1) is not None
+
+
+def test_few_draws_of_many_directions_show_a_bend_along_the_widest():
+    """With 700 draws a bend along all sixteen would have too many terms."""
+    sd, bend = np.geomspace(0.1, 1e-3, 16), np.zeros(16)
+    bend[9] = 1.5 * sd[9] / sd[0] ** 2
+
+    def drawn(count, seed):
+        straight = sd * np.random.default_rng(seed).standard_normal((count, 16))
+        return 0.5 + straight + bend * straight[:, :1] ** 2, -0.5 * np.sum((straight / sd) ** 2, axis=1)
+
+    proposal, promised = best_proposal(*drawn(700, 1))
+    assert proposal.bend.wide < 4
+    assert max(promised, predicted_time(proposal, *drawn(4000, 2))) < 10
 
 
 @pytest.mark.slow
