@@ -35,6 +35,7 @@ class PhysicalQuantity:
 
 CHANNELS: dict[str, PhysicalQuantity] = {
     "slip_angle": PhysicalQuantity("rad", "slip angle", "input"),
+    "turn_slip": PhysicalQuantity("1/m", "turn slip", "input"),
     "lateral_displacement": PhysicalQuantity("m", "lateral displacement", "input"),
     "lateral_force": PhysicalQuantity("N", "lateral force", "output"),
     "slip_ratio": PhysicalQuantity("1", "slip ratio", "input"),

@@ -88,6 +88,13 @@ Laws = Annotated[
         "repeatable."
     ),
 ]
+SetPoints = Annotated[
+    tuple[str, ...],
+    Parameter(
+        help="CONDITION=NUMBER: neighbouring values of a condition of --over that differ by no more, in SI units, are "
+        "one set point; 0 keeps all apart. By default those that span a tenth of the distance to the next; repeatable."
+    ),
+]
 Seed = Annotated[int, Parameter(help="Seed of every random draw.")]
 Json = Annotated[bool, Parameter(name="--json", help="Print one JSON object on standard output.")]
 Jobs = Annotated[int | None, Parameter(help="Threads; results do not depend on it. By default one per core.")]

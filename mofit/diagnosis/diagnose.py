@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mofit.data import Campaign
+from mofit.data.set_points import at_set_points
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
@@ -112,6 +113,7 @@ def _diagnosed(
     began: float,
 ) -> Diagnosis:
     """The steps of a diagnosis, in order."""
+    campaign, _ = at_set_points(campaign, settings.over, settings.set_points)
     whole, campaign = campaign, without_held_out(campaign, hold_out)
     tests = remaining_tests(model, campaign, whole, tests)
     over, (model, settings) = settings.over, with_laws_of_conditions(campaign, model, settings, tests, progress)

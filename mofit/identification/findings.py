@@ -140,11 +140,11 @@ def _released(gradient: FloatArray, hessian: FloatArray, sides: NDArray[np.int64
     return 0.5 * abs(float(gradient[k])) * step, shift
 
 
-def of_laws(study: LawStudy | None, campaign: Campaign) -> list[Finding]:
-    """That the laws do not hold, and which specimens stand out."""
+def of_laws(study: LawStudy | None, campaign: Campaign, merged: Sequence[str] = ()) -> list[Finding]:
+    """That the laws do not hold, which specimens stand out, and which conditions count as one (``merged``)."""
     if study is None:
         return []
-    found = []
+    found = [Finding("set_points", "caution", text) for text in merged]
     for one in study.outliers:
         name = specimen_name(campaign, float(study.cells.at[one.specimen, 0]))
         text = (

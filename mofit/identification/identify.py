@@ -14,6 +14,7 @@ import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
+from mofit.data.set_points import at_set_points
 from mofit.identification.allowance import cut_short, keep_for_predictions, shortages
 from mofit.identification.conditions import study_conditions
 from mofit.identification.estimates import estimates, unrefined
@@ -103,8 +104,9 @@ def identify(
     progress = log = RunLog(progress)
     timer, until = StageTimer(), _end_of_sampling(settings.time_limit)
     refined_until = math.inf if settings.time_limit is None else time.monotonic() + REFINED * settings.time_limit
+    whole, (campaign, merged) = campaign, at_set_points(campaign, settings.over, settings.set_points)
     left = of_conditions(campaign, as_names(hold_out))
-    whole, campaign = campaign, without_held_out(campaign, left)
+    campaign = without_held_out(campaign, left)
     chosen = remaining_tests(model, campaign, whole, as_names(tests))
     study = None
     if settings.over:
@@ -157,7 +159,11 @@ def identify(
                 **{
                     **vars(located),
                     "warnings": (*located.warnings, *unconverged, *left_out),
-                    "findings": (*located.findings, *_findings(located, modes, settings), *of_laws(study, whole)),
+                    "findings": (
+                        *located.findings,
+                        *_findings(located, modes, settings),
+                        *of_laws(study, whole, merged),
+                    ),
                 },
                 campaign=whole,
                 configuration=configuration,

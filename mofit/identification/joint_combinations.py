@@ -76,7 +76,7 @@ def identified_together(
     joint = replace(settings, over=(), laws={}, scopes={**settings.scopes, **own})
     located = locate_minima(campaign, model, joint, tests, until=until)
     problem, point = located.posterior.main, located.minima[0].point
-    theta = laplace_covariance(adjusted_posterior(located.posterior, point).hessian)
+    theta = laplace_covariance(adjusted_posterior(located.posterior, point).normal_hessian)
     first = [problem.tests.index(names[0]) for names in groups.values()]
     return _estimates(problem, point, theta, first, blank), located
 

@@ -52,6 +52,9 @@ class Settings:
     laws
         Law of a parameter (``name``) or of it over one condition (``name@condition``), or several by commas, of which
         the evidence chooses; where none is said it chooses of constant, linear, quadratic and free.
+    set_points
+        Largest difference of neighbouring values of a condition that count as one set point, in SI units; where none is
+        said, see `mofit.data.set_points`.
     least_probability
         Modes of less posterior probability (Laplace approximation) are listed, not sampled.
     most_modes
@@ -79,6 +82,7 @@ class Settings:
     pooled: tuple[str, ...] = ()
     over: tuple[str, ...] = ()
     laws: Mapping[str, str] = field(default_factory=dict)
+    set_points: Mapping[str, float] = field(default_factory=dict)
     least_probability: float = 1e-3
     most_modes: int = 6
     sampling: SampleSettings = field(default_factory=SampleSettings)
@@ -98,7 +102,7 @@ class Settings:
     def deciding(self) -> dict[str, object]:
         """The settings that decide the numbers, as plain data."""
         found = {key: value for key, value in asdict(self).items() if key not in WITHOUT_EFFECT}
-        left_out: dict[str, object] = {"simulations": None, "over": (), "laws": {}}
+        left_out: dict[str, object] = {"simulations": None, "over": (), "laws": {}, "set_points": {}}
         return {key: value for key, value in found.items() if key not in left_out or value != left_out[key]}
 
     def __post_init__(self) -> None:

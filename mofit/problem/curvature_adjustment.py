@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from mofit._typing import FloatArray
@@ -63,8 +64,7 @@ class Score:
         A noise whose power is known from few lines has a t distribution. Each objective counts by its own degrees of
         freedom: where as many are fitted as parameters, none makes up for another.
         """
-        wider = (stdtrit(self.freedom, _UPPER_END) / stdtrit(np.inf, _UPPER_END)) ** 2
-        return replace(self, noise=self.noise * wider[:, None, None])
+        return replace(self, noise=self.noise * normal_variance(self.freedom)[:, None, None])
 
     def embedded(self, index: FloatArray, jacobian: FloatArray, dimension: int) -> Score:
         """The same in a larger space: own coordinates at ``index``, d(own) / d(larger) = ``jacobian``."""
@@ -81,6 +81,11 @@ class Score:
             noise=matrices(self.noise),
             gap=matrices(self.gap),
         )
+
+
+def normal_variance(freedom: ArrayLike) -> FloatArray:
+    """Variance of the normal distribution whose 90 % interval is that of a t distribution of scale 1."""
+    return np.asarray((stdtrit(freedom, _UPPER_END) / stdtrit(np.inf, _UPPER_END)) ** 2)
 
 
 def join_scores(scores: list[Score]) -> Score:

@@ -9,7 +9,7 @@ from scipy.special import fdtri
 
 from mofit._typing import FloatArray
 from mofit.data.signals import NoiseProcess, noise_process
-from mofit.problem.curvature_adjustment import Score
+from mofit.problem.curvature_adjustment import Score, normal_variance
 from mofit.problem.likelihood import TestSums
 from mofit.simulation import ExperimentData
 
@@ -67,13 +67,16 @@ def scatter(
     responses: Iterable[tuple[FloatArray, FloatArray]],
     gap_squares: tuple[float, float],
 ) -> FloatArray:
-    """Covariance of every objective's weighted gradient by noise and a known gap, (K, L, L); see `score_covariance`."""
+    """Covariance of every objective's weighted gradient by noise and a known gap, (K, L, L); see `score_covariance`.
+
+    What follows takes it for that of a normal distribution: the noise is as large as `Score.for_a_normal` has it.
+    """
     found = []
     responses = iter(responses)
     for experiment, period in zip(experiments, periods, strict=True):
         for process, slopes in _residual_noise(experiment, period, *next(responses)):
-            gap = process.score_covariance(slopes, _on_lines(process, gap_squares))
-            found.append(process.score_covariance(slopes) + gap)
+            noise = process.score_covariance(slopes) * normal_variance(process.effective_degrees_of_freedom(slopes))
+            found.append(noise + process.score_covariance(slopes, _on_lines(process, gap_squares)))
     return weights[:, None, None] ** 2 * np.array(found)
 
 

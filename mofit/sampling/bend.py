@@ -2,8 +2,8 @@ r"""A shear that straightens a bent posterior: narrow directions follow a polyno
 
 .. math:: y = A^T (x - m), \qquad z_k = y_k - b_k - \sum_{i < k} b_{ki} y_i - \sum_{i \le j < k} b_{kij} y_i y_j
 
-with the axes A in descending order of the spread. Its Jacobian has the determinant 1: densities keep their values, and
-moves in the straight coordinates z leave a target invariant as they do in x.
+with the axes A in descending order of the spread, and i and j among the w widest. Its Jacobian has the determinant 1:
+densities keep their values, and moves in the straight coordinates z leave a target invariant as they do in x.
 
 References
 ----------
@@ -13,6 +13,8 @@ Lange, Little, Taylor: Robust statistical modeling using the t distribution (198
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,19 +38,23 @@ class Bend:
     axes: FloatArray
     """A, orthonormal columns, widest first, shape (d, d)."""
     terms: FloatArray
-    """b, shape (d, number of monomials); those of what is not wider are 0."""
+    """b, shape (d, number of monomials of the w widest directions); those of what is not wider are 0."""
+
+    @property
+    def wide(self) -> int:
+        """w, how many directions others may follow."""
+        return (math.isqrt(8 * self.terms.shape[1] + 1) - 3) // 2
 
     def straight(self, points: FloatArray) -> FloatArray:
         """Points in straight coordinates."""
         along = (points - self.centre) @ self.axes
-        return np.asarray(along - monomials(along) @ self.terms.T)
+        return np.asarray(along - monomials(along[:, : self.wide]) @ self.terms.T)
 
     def bent(self, straight: FloatArray) -> FloatArray:
         """The points of straight coordinates."""
         along = straight.copy()
-        for k in range(1, along.shape[1]):  # only what is wider enters
-            used = count(k)
-            along[:, k] += monomials(along[:, :k]) @ self.terms[k, :used]
+        for rows, used in _steps(along.shape[1], self.wide):
+            along[:, rows] += monomials(along[:, :used]) @ self.terms[rows, : count(used)].T
         return np.asarray(self.centre + along @ self.axes.T)
 
 
@@ -65,25 +71,41 @@ def monomials(y: FloatArray) -> FloatArray:
     return np.stack(columns, axis=1)
 
 
-def fitted_bend(points: FloatArray) -> Bend | None:
-    """The bend of draws (n, d): robust regression of every direction on the wider ones; None of too few draws."""
+def fitted_bend(points: FloatArray, wide: int) -> Bend | None:
+    """The bend of draws (n, d): robust regression of every direction on the wider ones; None of too few draws.
+
+    Parameters
+    ----------
+    points
+        The draws.
+    wide
+        How many directions, the widest, others may follow: 1 to d - 1.
+    """
     draws, dimension = points.shape
-    if dimension < 2 or draws < DRAWS_PER_TERM * count(dimension - 1):
+    if not 0 < wide < dimension or draws < DRAWS_PER_TERM * count(wide):
         return None
     centre = points.mean(axis=0)
     spreads, vectors = np.linalg.eigh(np.cov(points, rowvar=False))
     axes, scale = vectors[:, ::-1], np.sqrt(np.maximum(spreads[::-1], np.finfo(float).tiny))
     y = (points - centre) @ axes / scale
-    basis, size = monomials(y), monomials(1 / scale[None])[0]
+    basis, size = monomials(y[:, :wide]), monomials(1 / scale[None, :wide])[0]
     weight, terms = np.ones(draws), np.zeros((dimension, basis.shape[1]))
     for _ in range(ROUNDS):
-        root, residual = np.sqrt(weight)[:, None], y.copy()
-        for k in range(1, dimension):
-            used = count(k)
-            terms[k, :used] = np.linalg.lstsq(root * basis[:, :used], root[:, 0] * y[:, k], rcond=None)[0]
-            residual[:, k] -= basis[:, :used] @ terms[k, :used]
+        weighted = basis * weight[:, None]
+        normal, right = basis.T @ weighted + 1e-9 * draws * np.eye(len(size)), weighted.T @ y
+        for rows, used in _steps(dimension, wide):
+            own = slice(count(used))
+            terms[rows, own] = np.linalg.solve(normal[own, own], right[own, rows]).T
+        residual = y - basis @ terms.T
         residual[:, 0] -= np.average(residual[:, 0], weights=weight)
         within = np.linalg.cholesky((residual.T * weight) @ residual / draws + 1e-12 * np.eye(dimension))
         distance = np.sum(np.linalg.solve(within, residual.T) ** 2, axis=0)
         weight = (FREEDOM + dimension) / (FREEDOM + distance)
     return Bend(centre, axes, terms * size * scale[:, None])
+
+
+def _steps(dimension: int, wide: int) -> Iterator[tuple[slice, int]]:
+    """Directions after the widest, and how many of the widest they follow: one by one, then all others at once."""
+    for k in range(1, wide):
+        yield slice(k, k + 1), k
+    yield slice(wide, dimension), wide

@@ -159,8 +159,10 @@ def best_proposal(
 ) -> tuple[StudentTMixture, float]:
     """Mixture of Student-t distributions fitted to draws, or the former one if that would do better, and its time.
 
-    The number of components is doubled as long as that pays; each is tried with several degrees of freedom. Fitted to
-    every other pair of draws and judged by the rest, then fitted to all.
+    The number of components is doubled as long as that pays; each is tried with several degrees of freedom. If that is
+    slow still, one component is bent, by the widest direction alone up to all of them: few draws tell few terms. More
+    components then follow the bend that does best. Fitted to every other pair of draws and judged by the rest, then
+    fitted to all.
 
     Parameters
     ----------
@@ -173,42 +175,58 @@ def best_proposal(
     -------
     The proposal, and its `predicted_time`.
     """
-    judging = np.arange(len(points)) % 4 < 2
+    choice = _Choice(points, log_prob, former)
+    choice.offer(1, 0, 1.0)
+    choice.add_components(0)
+    if choice.time > QUICK:
+        most = points.shape[1] - 1
+        levels = [2**k for k in range((most - 1).bit_length())] + [most]
+        bends = [wide for wide in levels if choice.offer(1, wide)]
+        if bends:
+            choice.add_components(bends[-1])
+    assert choice.proposal is not None  # a time is finite
+    return choice.proposal, choice.time
 
-    def judged(mixture: StudentTMixture) -> tuple[float, float]:
+
+class _Choice:
+    """The best proposal so far, each fitted to half of the draws and judged by the other half."""
+
+    def __init__(self, points: FloatArray, log_prob: FloatArray, former: StudentTMixture | None) -> None:
+        self.points, self.judging = points, np.arange(len(points)) % 4 < 2
+        self.log_prob = log_prob[self.judging]
+        self.proposal, self.time = former, np.inf
+        if former is not None:
+            self.time, freedom = self._judged(former)
+            self.proposal = replace(former, freedom=freedom)
+
+    def offer(self, components: int, wide: int, gain: float = WORTHWHILE) -> bool:
+        """Whether so many components, along a bend by so many directions, do better by that factor; kept if so."""
+        tried = _fitted(self.points[~self.judging], components, wide)
+        time, freedom = (np.inf, 0.0) if tried is None else self._judged(tried)
+        if not time < self.time * gain:
+            return False
+        whole = _fitted(self.points, components, wide)
+        self.time, self.proposal = time, None if whole is None else replace(whole, freedom=freedom)
+        return True
+
+    def add_components(self, wide: int) -> None:
+        """Double the components as long as that pays."""
+        components = 2
+        while components <= MOST_COMPONENTS and self.offer(components, wide):
+            components *= 2
+
+    def _judged(self, mixture: StudentTMixture) -> tuple[float, float]:
         """Least predicted time, and the degrees of freedom that it takes."""
+        points = self.points[self.judging]
         return min(
-            (predicted_time(replace(mixture, freedom=nu), points[judging], log_prob[judging]), nu)
-            for nu in DEGREES_OF_FREEDOM
+            (predicted_time(replace(mixture, freedom=nu), points, self.log_prob), nu) for nu in DEGREES_OF_FREEDOM
         )
 
-    found, best = former, np.inf
-    if found is not None:
-        best, nu = judged(found)
-        found = replace(found, freedom=nu)
-    for bending in (False, True):
-        if bending and best <= QUICK:
-            break
-        components = 1
-        while components <= MOST_COMPONENTS:
-            tried = _fitted(points[~judging], components, bending)
-            if tried is None:
-                break
-            time, nu = judged(tried)
-            if time < best * (1.0 if components == 1 and not bending else WORTHWHILE):
-                whole = _fitted(points, components, bending)
-                best, found = time, None if whole is None else replace(whole, freedom=nu)
-            elif components > 1:
-                break
-            components *= 2
-    assert found is not None  # a time is finite
-    return found, best
 
-
-def _fitted(points: FloatArray, components: int, bending: bool) -> StudentTMixture | None:
-    """A mixture fitted to draws (n, d), in straight coordinates if asked for; None if those can't be had."""
-    bend = fitted_bend(points) if bending else None
-    if bending and bend is None:
+def _fitted(points: FloatArray, components: int, wide: int) -> StudentTMixture | None:
+    """A mixture fitted to draws (n, d), along a bend by so many directions if any; None if that can't be had."""
+    bend = fitted_bend(points, wide) if wide else None
+    if wide and bend is None:
         return None
     places = points if bend is None else bend.straight(points)
     return StudentTMixture(*fitted_mixture(places, components), FIRST_FREEDOM, bend)

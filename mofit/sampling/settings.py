@@ -28,7 +28,8 @@ class SampleSettings:
     most_refits: int = 4
     """Such fits at most: a shape that the fifth mixture does not follow is none for mixtures."""
     slower: float = 2.0
-    """Factor between the autocorrelation time that a proposal promises and the one it leaves that is no surprise."""
+    """Factor between the autocorrelation time that a proposal promises, 3 steps at most, and the one it leaves that is
+    no reason to fit it again."""
     fewest_steps: int = 400
     """Steps before a chain is given up whose autocorrelation time shows that the most steps would not do."""
     growth: float = 1.7

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.sampling.convergence import outliers
 from mofit.sampling.ensemble import Ensemble, LogPosterior, advance, start
-from mofit.sampling.independence_proposal import StudentTMixture, best_proposal
+from mofit.sampling.independence_proposal import QUICK, StudentTMixture, best_proposal
 from mofit.sampling.moves import moves
 from mofit.sampling.settings import SampleSettings
 
@@ -105,11 +105,12 @@ def refit(run: Run, tau: FloatArray, settings: SampleSettings) -> Run:
     """The same run, or production anew with a proposal fitted to its chains, where that is the shorter way.
 
     A burn-in may have seen too little of a long or bent posterior. Then the autocorrelation time ``tau`` (d,) is far
-    longer than the proposal promised, and the chains know better.
+    longer than the proposal promised, or than a good one has, and the chains know better.
     """
     longest = float(tau.max())
     due = settings.refit_steps * 2**run.refits
-    if run.refits == settings.most_refits or run.steps < due or not longest > settings.slower * run.time:
+    promised = min(run.time, QUICK)
+    if run.refits == settings.most_refits or run.steps < due or not longest > settings.slower * promised:
         return run
     points = np.concatenate([ensemble.chain for ensemble in run.ensembles], axis=1)
     values = np.concatenate([ensemble.chain_log_prob for ensemble in run.ensembles], axis=1)

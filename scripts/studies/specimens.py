@@ -1,6 +1,6 @@
 """Specimens pooled on a Dask cluster: population and the odd one. Writes reports/conditions/specimens.md.
 
-    python scripts/studies/specimens.py [--count 200] [--few 40] [--seeds 10] [--seed 0] [--work FOLDER]
+    python scripts/studies/specimens.py [--count 200] [--fleets 4] [--few 40] [--seeds 5] [--seed 0]
 
 Simulated: specimens of a Maxwell damper, integrated by the Runge-Kutta method of conditions_cases.py. c, ln d_M and the
 offset are drawn from normals with spreads of 1000 N/m, 0.1 and 2 N; d and c_M are the same in all. One specimen is odd:
@@ -8,8 +8,8 @@ its d_M is half of what it would be. Each is a file with one multisine of 2 s an
 specimen_*.nc --over specimen --no-sample --dask ADDRESS` identifies them on a cluster of two workers with one thread
 each, one of which is killed once a few specimens are done. Counted are the parameters pooled as made, the specimens
 named, and the 90 % intervals that hold mean and spread of the population: by the estimates of the specimens, without
-the odd one, and by the joint fit, with it. Fewer specimens are repeated over more seeds, by the estimates alone
-(`study_conditions` of mofit, on the same cluster). Rows that the work folder holds already are kept.
+the odd one, and by the joint fit, with it. More fleets, and fleets of fewer specimens, are by the estimates alone
+(`study_conditions` of mofit, on such a cluster). Rows that the work folder holds already are kept.
 """
 
 from __future__ import annotations
@@ -131,14 +131,15 @@ def estimated(count: int, seed: int, work: Path, address: str) -> dict[str, Any]
     }
 
 
-def page(fleets: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], count: int, fewer: int) -> list[str]:
+def page(
+    first: dict[str, Any], more: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], count: int, fewer: int
+) -> list[str]:
     """The tables."""
     head = ("specimens", "fleets", "laws as made", "odd one named", "others named", "means held", "spreads held")
-    rows = [[number, len(own), *told(own, "alone")] for number, own in ((count, fleets), (fewer, few)) if own]
+    rows = [[number, len(own), *told(own, "alone")] for number, own in ((count, [first, *more]), (fewer, few)) if own]
     lines = ["## By the estimates of the specimens", "", *table(head, rows)]
     lines += ["## By the joint fit, the odd specimen among them", ""]
-    lines += table(("specimens", "means held", "spreads held"), [[count, *told(fleets, "joint")[3:]]])
-    first = fleets[0]
+    lines += table(("specimens", "means held", "spreads held"), [[count, *told([first], "joint")[3:]]])
     bands = [
         (name, key, f"{truth(name)[key]:.4g}", *(_said(first[by][name][key]) for by in ("alone", "joint")))
         for name in SPREAD
@@ -181,8 +182,9 @@ def main() -> None:
     """Run the study and write its page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--fleets", type=int, default=4)
     parser.add_argument("--few", type=int, default=40)
-    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "specimens")
     options = parser.parse_args()
@@ -190,23 +192,25 @@ def main() -> None:
     file = options.work / f"fleet_{options.count}_{options.seed}.json"
     if not file.exists():
         file.write_text(json.dumps(fleet(options.count, options.seed, options.work)), encoding="utf-8")
-    fleets, few = [json.loads(file.read_text(encoding="utf-8"))], list[dict[str, Any]]()
-    _write(fleets, few, options)
-    seeds = range(options.seed, options.seed + options.seeds)
-    files = {seed: options.work / f"few_{options.few}_{seed}.json" for seed in seeds}
+    first = json.loads(file.read_text(encoding="utf-8"))
+    wanted = [(options.few, seed) for seed in range(options.seed, options.seed + options.seeds)]
+    wanted += [(options.count, seed) for seed in range(options.seed + 1, options.seed + options.fleets)]
+    files = {(count, seed): options.work / f"estimated_{count}_{seed}.json" for count, seed in wanted}
+    done: dict[int, list[dict[str, Any]]] = {options.few: [], options.count: []}
     with nullcontext() if all(file.exists() for file in files.values()) else cluster() as running:
-        for seed, file in files.items():
+        for (count, seed), file in files.items():
             if running and not file.exists():
-                row = estimated(options.few, seed, options.work, running.scheduler_address)
+                row = estimated(count, seed, options.work, running.scheduler_address)
                 file.write_text(json.dumps(row), encoding="utf-8")
-            few.append(json.loads(file.read_text(encoding="utf-8")))
-            _write(fleets, few, options)
-
-
-def _write(fleets: Sequence[dict[str, Any]], few: Sequence[dict[str, Any]], options: argparse.Namespace) -> None:
-    command = f"specimens.py --count {options.count} --few {options.few} --seeds {len(few)} --seed {options.seed}"
-    lines = header("Specimens", __doc__, command, made_with("distributed"))
-    write_page("conditions", [*lines, *page(fleets, few, options.count, options.few)], "specimens.md")
+            done[count].append(json.loads(file.read_text(encoding="utf-8")))
+            more, few = done[options.count], done[options.few]
+            command = (
+                f"specimens.py --count {options.count} --fleets {1 + len(more)} --few {options.few} --seeds {len(few)} "
+                f"--seed {options.seed}"
+            )
+            lines = header("Specimens", __doc__, command, made_with("distributed"))
+            lines += page(first, more, few, options.count, options.few)
+            write_page("conditions", lines, "specimens.md")
 
 
 if __name__ == "__main__":

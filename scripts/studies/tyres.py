@@ -1,12 +1,12 @@
-"""Longitudinal, combined and aligning tyres from noisy data, default settings. Writes reports/tyres/README.md.
+"""Longitudinal, combined, aligning and turning tyres from noisy data, default settings. Writes reports/tyres/README.md.
 
     python scripts/studies/tyres.py [--models NAME ...] [--work FOLDER] [--seed 0] [--redo]
 
 Simulated: a tyre at 60 km/h by SciPy's LSODA (rtol 1e-8), equations written out anew (tests/support/tyre_reference.py),
 with 10 N of white noise on the forces and 0.5 N m on the torque. Combined: three records of 5 s in which slip ratio and
-slip angle are sines of two frequencies that have no common period. The others: four sines of 2 s. `mofit identify`
-with default settings: search, refinement, sampling. Counted are the 90 % intervals that hold the true value. Runs that
-the work folder holds already are kept; --redo starts anew.
+slip angle are sines of two frequencies that have no common period; turning: the same with turn slip and slip angle. The
+others: four sines of 2 s. `mofit identify` with default settings: search, refinement, sampling. Counted are the 90 %
+intervals that hold the true value. Runs that the work folder holds already are kept; --redo starts anew.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ import tyre_reference as reference  # type: ignore[import-not-found]
 NOISE, TORQUE_NOISE = 10.0, 0.5
 SINES = ((0.15, 1.0), (0.04, 2.0), (0.02, 5.0), (0.05, 8.0))
 TRAIL = {"n_0": 0.035, "s_0": 0.18}
+TURN = {"l_phi": 0.03, "m_phi": 170.0}
 
 
 def longitudinal(rng: np.random.Generator) -> Campaign:
@@ -65,15 +66,35 @@ def aligning(rng: np.random.Generator) -> Campaign:
         forces = reference.forces({}, time_axis, None, angle)
         test = reference.measurement(f"{frequency} Hz", time_axis, {"slip_angle": angle}, forces, NOISE, rng)
         torque = reference.aligning_torque(forces[1], angle(time_axis), **TRAIL)
-        noisy = torque + TORQUE_NOISE * rng.normal(size=len(time_axis))
-        outputs, units = {**test.outputs, "self_aligning_torque": noisy}, {**test.units, "self_aligning_torque": "N m"}
-        tests.append(replace(test, outputs=outputs, units=units))
+        tests.append(with_torque(test, torque + TORQUE_NOISE * rng.normal(size=len(time_axis))))
     return reference.campaign(*tests)
+
+
+def turning(rng: np.random.Generator) -> Campaign:
+    """Slip angle and turn slip (curves of 12 m and more) at frequencies that have no common period in the record."""
+    time_axis, tests = np.arange(250) * 0.02, list[Measurement]()
+    for turn, angle, first, second in ((0.04, 0.03, 0.3, 0.5), (0.08, 0.05, 1.7, 1.1), (0.06, 0.12, 2.9, 4.3)):
+        curved, steered = reference.ratio_of(turn, first), reference.ratio_of(angle, second)
+        forces = reference.forces(TURN, time_axis, None, steered, turn_slip=curved)
+        signals = {"slip_angle": steered, "turn_slip": curved}
+        test = reference.measurement(str(len(tests) + 1), time_axis, signals, forces, NOISE, rng)
+        phi = curved(time_axis)
+        torque = reference.aligning_torque(forces[1], steered(time_axis), **TRAIL, turned=TURN["l_phi"] * phi)
+        noisy = torque + TURN["m_phi"] * phi + TORQUE_NOISE * rng.normal(size=len(time_axis))
+        tests.append(with_torque(test, noisy))
+    return reference.campaign(*tests)
+
+
+def with_torque(test: Measurement, torque: np.ndarray) -> Measurement:
+    """The test with a self-aligning torque beside the force."""
+    outputs, units = {**test.outputs, "self_aligning_torque": torque}, {**test.units, "self_aligning_torque": "N m"}
+    return replace(test, outputs=outputs, units=units)
 
 
 CASES: Mapping[str, tuple[Callable[[np.random.Generator], Campaign], Mapping[str, float]]] = {
     "maxwell_tyre_longitudinal": (longitudinal, reference.LONGITUDINAL),
     "maxwell_tyre_aligning": (aligning, {**reference.LATERAL, **TRAIL}),
+    "maxwell_tyre_turning": (turning, {**reference.LATERAL, **TRAIL, **TURN}),
     "maxwell_tyre_combined": (combined, {**reference.LATERAL, **reference.LONGITUDINAL}),
 }
 

@@ -17,6 +17,7 @@ PAGES = {
     "memory": "robustness/memory.md",
     "time_temperature": "conditions/time_temperature.md",
     "damper_over_current": "conditions/damper_over_current.md",
+    "tyre_curves": "tyres/curves.md",
     "specimens": "conditions/specimens.md",
     "coloured_noise": "records/coloured_noise.md",
     "many_tests": "records/many_tests.md",

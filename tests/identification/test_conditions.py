@@ -1,6 +1,7 @@
 """Dampers under loads and temperatures, whose parameters follow known laws."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -190,3 +191,27 @@ def test_a_diagnosis_with_laws_finds_no_gap(files, tmp_path):
     assert main(["diagnose", *given, "--jobs", "1", "--out", str(tmp_path / "page")]) == 0
     found = json.loads((tmp_path / "page" / "diagnosis.json").read_text(encoding="utf-8"))
     assert found["verdict"] == "none"
+
+
+def test_loads_that_scatter_about_a_set_point_are_one_combination(tmp_path):
+    tests = [
+        replace(
+            measurement,
+            experiment=replace(
+                measurement.experiment,
+                name=f"{load:g} {measurement.name}",
+                conditions={"vertical_force": load + off, "temperature": 300.0},
+            ),
+        )
+        for load in LOADS[:2]
+        for off, measurement in zip((-5.0, 5.0), damper(load, 300.0, 7).measurements, strict=True)
+    ]
+    whole = Campaign("damper", "simulated", {}, tuple(tests))
+    laws = {"c": "linear", "d": "linear", "others": "constant"}
+    settings = Settings(over=("vertical_force",), laws=laws, fixed={"p": 0.0}, sample=False, jobs=1, evaluations=200)
+    run, tree = identify(whole, "kelvin_voigt_damper", settings, out=tmp_path / "run")
+    assert tree["laws/cells"].dataset["vertical_force"].values == pytest.approx(LOADS[:2])
+    found = [one["text"] for one in summary(tree, run)["findings"] if one["kind"] == "set_points"]
+    assert [text.partition(" count")[0] for text in found] == [
+        f"vertical_force: {load - 5:g}, {load + 5:g}" for load in LOADS[:2]
+    ]

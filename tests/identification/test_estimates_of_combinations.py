@@ -1,6 +1,7 @@
 """Estimates of the combinations of conditions scatter by as much as their covariances say."""
 
 import numpy as np
+import pytest
 from scipy.stats import chi2
 from straight_line import UNITS, StraightLine
 
@@ -9,17 +10,32 @@ from mofit.identification.conditions import study_conditions
 from mofit.identification.settings import Settings
 
 
-def test_short_records_scatter_about_a_constant_by_their_covariances():
-    """With 60 samples the noise is not known well: by the curvature at the minimum they would be too sure by 12 %."""
-    rng, time, tests = np.random.default_rng(0), 0.01 * np.arange(60), []
-    for k in range(60):
+def springs(tests: int, samples: int) -> Campaign:
+    """One spring, its tests under temperatures of their own."""
+    rng, time, found = np.random.default_rng(0), 0.01 * np.arange(samples), []
+    for k in range(tests):
         x = np.sin(40 * time**2 + k)
         y = 2 * x + 1 + 0.05 * rng.normal(size=len(time))
         test = Experiment(f"t{k}", "free", time, {"displacement": x}, {"temperature": 280.0 + k})
-        tests.append(Measurement(test, {"force": y}, UNITS))
-    campaign = Campaign("springs", "simulated", {}, tuple(tests))
+        found.append(Measurement(test, {"force": y}, UNITS))
+    return Campaign("springs", "simulated", {}, tuple(found))
+
+
+def test_short_records_scatter_about_a_constant_by_their_covariances():
+    """With 60 samples the noise is not known well: by the curvature at the minimum they would be too sure by 12 %."""
     settings = Settings(over=("temperature",), laws={"k": "constant", "b": "constant"}, sample=False, jobs=1)
-    fit = study_conditions(campaign, StraightLine(), settings).fit
+    fit = study_conditions(springs(60, 60), StraightLine(), settings).fit
     assert fit.freedom == 118
     assert 0.02 < chi2.sf(fit.chi_square, fit.freedom) < 0.98
     assert abs(fit.values["k"] - 2) < 0.01
+
+
+def test_estimates_beside_a_shared_parameter_are_as_sure_as_those_alone():
+    """20 tests know the offset well: each slope is known as if the offset were given."""
+    campaign = springs(20, 40)
+    given = Settings(over=("temperature",), laws={"k": "constant"}, fixed={"b": 1.0}, sample=False, jobs=1)
+    shared = Settings(over=("temperature",), laws={"k": "constant", "b": "shared"}, sample=False, jobs=1)
+    alone = study_conditions(campaign, StraightLine(), given).cells
+    together = study_conditions(campaign, StraightLine(), shared).cells
+    k = [one.name for one in together.parameters].index("k")
+    assert np.mean(together.sd[:, k] / alone.sd[:, 0]) == pytest.approx(1, abs=0.03)

@@ -58,6 +58,21 @@ def test_self_aligning_torque(rng):
     require_truth(tests, model.name, truth)
 
 
+def test_turn_slip(rng):
+    """Lever and torque of turn slip beside the trail."""
+    time, tests, lever, twist = np.arange(250) * 2 * STEP, [], 0.03, 170.0
+    for turn, angle, first, second in ((0.04, 0.03, 0.3, 0.5), (0.08, 0.05, 1.7, 1.1), (0.06, 0.12, 2.9, 4.3)):
+        signals = {"slip_angle": reference.ratio_of(angle, second), "turn_slip": reference.ratio_of(turn, first)}
+        angles, turned = (one(time) for one in signals.values())
+        forces = reference.forces({"l_phi": lever}, time, None, signals["slip_angle"], turn_slip=signals["turn_slip"])
+        test = reference.measurement(str(len(tests)), time, signals, forces, 10.0, rng)
+        torque = reference.aligning_torque(forces[1], angles, 0.035, 0.18, turned=lever * turned) + twist * turned
+        outputs = {**test.outputs, "self_aligning_torque": torque + 0.5 * rng.normal(size=len(time))}
+        tests.append(replace(test, outputs=outputs, units={**test.units, "self_aligning_torque": "N m"}))
+    truth = {**reference.LATERAL, "n_0": 0.035, "s_0": 0.18, "l_phi": lever, "m_phi": twist}
+    require_truth(tests, "maxwell_tyre_turning", truth)
+
+
 @pytest.mark.slow
 def test_combined_slip(rng):
     """Both slips at frequencies that have no common period in the record."""

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mofit.sampling import laplace_covariance, sample_mode
 from mofit.sampling.bend import fitted_bend
+from mofit.sampling.independence_proposal import best_proposal, predicted_time
 
 SD = np.array([0.04, 0.02, 0.001])
 BEND, FREEDOM = 3.0, 5.0
@@ -21,26 +22,43 @@ def draws(count: int, seed: int) -> np.ndarray:
     return 0.5 + straight + np.array([0, 0, BEND]) * straight[:, :1] ** 2
 
 
-@given(st.integers(0, 1000))
-def test_a_bend_is_undone_and_keeps_volumes(seed):
+@given(st.integers(0, 1000), st.sampled_from([1, 2]))
+def test_a_bend_is_undone_and_keeps_volumes(seed, wide):
     points = draws(500, seed)
-    bend = fitted_bend(points)
+    bend = fitted_bend(points, wide)
+    assert bend.wide == wide
     assert bend.bent(bend.straight(points)) == pytest.approx(points, abs=1e-9)
     steps = 1e-6 * np.eye(3)
     slopes = (bend.straight(points[0] + steps) - bend.straight(points[0] - steps)) / 2e-6
     assert abs(np.linalg.det(slopes)) == pytest.approx(1, rel=1e-4)
 
 
-def test_a_known_bend_is_found():
+@pytest.mark.parametrize("wide", [1, 2])
+def test_a_known_bend_is_found(wide):
     points = draws(4000, 1)
-    straight = fitted_bend(points).straight(points)
+    straight = fitted_bend(points, wide).straight(points)
     assert np.corrcoef(points[:, 2], points[:, 0])[0, 1] < 0.5  # no straight line shows it
     middle = np.median(np.abs(straight - np.median(straight, axis=0)), axis=0)
     assert middle.min() < 1.2 * 0.73 * SD[2]  # median of |t| with 5 degrees of freedom
 
 
 def test_too_few_draws_have_no_bend():
-    assert fitted_bend(draws(20, 0)) is None
+    assert fitted_bend(draws(50, 0), 2) is None
+    assert fitted_bend(draws(50, 0), 1) is not None
+
+
+def test_few_draws_of_many_directions_show_a_bend_along_the_widest():
+    """With 700 draws a bend along all sixteen would have too many terms."""
+    sd, bend = np.geomspace(0.1, 1e-3, 16), np.zeros(16)
+    bend[9] = 1.5 * sd[9] / sd[0] ** 2
+
+    def drawn(count, seed):
+        straight = sd * np.random.default_rng(seed).standard_normal((count, 16))
+        return 0.5 + straight + bend * straight[:, :1] ** 2, -0.5 * np.sum((straight / sd) ** 2, axis=1)
+
+    proposal, promised = best_proposal(*drawn(700, 1))
+    assert proposal.bend.wide < 4
+    assert max(promised, predicted_time(proposal, *drawn(4000, 2))) < 10
 
 
 @pytest.mark.slow

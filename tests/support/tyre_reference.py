@@ -15,7 +15,7 @@ LONGITUDINAL = {
     "dF0_x": 95e3, "s_Mx": 0.11, "F_Mx": 3400.0, "c_x": 300e3, "p_x": -9.0, "d_x": 350.0, "c_Mx": 60e3, "d_Mx": 6_000.0
 }  # fmt: skip
 SPEED = 60 / 3.6
-UNITS = {"slip_angle": "rad", "slip_ratio": "1", "lateral_force": "N", "longitudinal_force": "N"}
+UNITS = {"slip_angle": "rad", "turn_slip": "1/m", "slip_ratio": "1", "lateral_force": "N", "longitudinal_force": "N"}
 Signal = Callable[[float], float]
 
 
@@ -46,22 +46,29 @@ def norm_factors(p: Mapping[str, float]) -> tuple[float, float]:
 
 
 def forces(
-    p: Mapping[str, float], time: np.ndarray, slip_ratio: Signal | None, slip_angle: Signal | None, speed: float = SPEED
+    p: Mapping[str, float],
+    time: np.ndarray,
+    slip_ratio: Signal | None,
+    slip_angle: Signal | None,
+    speed: float = SPEED,
+    turn_slip: Signal | None = None,
 ) -> np.ndarray:
     """Longitudinal and lateral force, shape (2, n), of a tyre that starts at rest without slip.
 
-    A direction without a signal has no curve of its own: the tyre is that of the other direction.
+    A direction without a signal has no curve of its own: the tyre is that of the other direction. Turn slip acts on
+    the lever ``l_phi``.
     """
+    turn = turn_slip or (lambda t: 0.0)
     ratio, angle = slip_ratio or (lambda t: 0.0), slip_angle or (lambda t: 0.0)
     both = slip_ratio is not None and slip_angle is not None
-    p = {**LATERAL, **LONGITUDINAL, **p}
+    p = {**LATERAL, **LONGITUDINAL, "l_phi": 0.0, **p}
     norms = norm_factors(p) if both else (1.0, 1.0)
     spring = [(p["c_x"], p["p_x"], p["d_x"], p["c_Mx"], p["d_Mx"]), (p["c_y"], p["p_y"], p["d_y"], p["c_M"], p["d_M"])]
 
     def parts(t: float, state: np.ndarray):
         along = speed * np.cos(angle(t))
         turning = abs(along * (1 + ratio(t)))
-        slide = (along * ratio(t), speed * np.sin(angle(t)))
+        slide = (along * ratio(t), speed * (np.sin(angle(t)) + p["l_phi"] * turn(t)))
         transport = [turning * norm + 0.01 for norm in norms]
         slips = [one / over for one, over in zip(slide, transport, strict=True)]
         if both:
@@ -87,9 +94,14 @@ def forces(
     return np.array([parts(t, x)[1] for t, x in zip(time, found.y.T, strict=True)]).T
 
 
-def aligning_torque(force: np.ndarray, angle: np.ndarray, n_0: float, s_0: float, speed: float = SPEED) -> np.ndarray:
-    """Torque of a lateral force under a slip angle: TMeasy's trail at the slip of the contact patch, s_E = 1.75 s_0."""
-    slip = np.maximum(np.abs(speed * np.sin(angle) / (speed * np.cos(angle) + 0.01)), 1e-9)
+def aligning_torque(
+    force: np.ndarray, angle: np.ndarray, n_0: float, s_0: float, speed: float = SPEED, turned: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Torque of a lateral force under a slip angle: TMeasy's trail at the slip of the contact patch, s_E = 1.75 s_0.
+
+    What turn slip adds to the sine of the angle is ``turned``.
+    """
+    slip = np.maximum(np.abs(speed * (np.sin(angle) + turned) / (speed * np.cos(angle) + 0.01)), 1e-9)
     curve = [LATERAL[name] for name in ("dF0", "s_M", "F_M")]
     secant = np.array([tmeasy(one, *curve) for one in slip]) / slip
     share, weight = np.abs(force) / secant / s_0, 1 / 1.75

@@ -42,6 +42,7 @@ _TYRE = {
     "slip_angle": "slipangl slipangle alpha alfa sa slip sideslip sideslipangle schraglaufwinkel schrag α steer "
     "steerangle steeringangle toe",
     "lateral_force": "fyw fyh fyc fy lateralforce latforce sideforce cornerforce corneringforce seitenkraft querkraft",
+    "turn_slip": "turnslip pathcurvature spinslip wendeschlupf",
     "self_aligning_torque": "mzw mzh mzc mz aligningtorque selfaligningtorque selfaligningmoment aligningmoment "
     "ruckstellmoment sat",
 }

@@ -6,7 +6,7 @@ import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.filters import Washout, derivative, lagged, washout_states, washout_time
-from mofit.models.library.steady_state import LATERAL, slip_stiffness
+from mofit.models.library.steady_state import LATERAL, sliding_velocity, slip_stiffness
 from mofit.models.library.tyres import contact_force
 from mofit.models.model import SAMPLE_INTERVAL, Applied, Condition, Symbols
 from mofit.parameters import Parameter, powers
@@ -120,7 +120,7 @@ class SteeringCompliance(Effect):
         transport = s.longitudinal_velocity * s.slip_normalisation + s.fictitious_velocity
         if "d_y" not in s:
             return Applied(self._settled(s, value, transport))
-        slip = s.longitudinal_velocity * ca.sin(value) / transport
+        slip = sliding_velocity(s, value) / transport
         slope = slip_stiffness(LATERAL.curve(s), slip)
         through_damper = transport * s.d_y
         gain = slope * through_damper / (through_damper + slope)
@@ -131,7 +131,7 @@ class SteeringCompliance(Effect):
         """Angle of a settled tyre, whose force follows the angle at once."""
         angle = value
         for _ in range(_ROUNDS):
-            slip = s.longitudinal_velocity * ca.sin(angle) / transport
+            slip = sliding_velocity(s, angle) / transport
             angle = value - s.kappa_s * slip_stiffness(LATERAL.curve(s), slip) * slip
         return angle
 

@@ -45,8 +45,8 @@ class MaxwellTyreAligning(Model):
 
     :math:`n` is the trail of `pneumatic_trail` at the slip of the contact patch, :math:`s_c = s - \dot y / v^*`; at
     rest that is the slip itself. A positive slip angle gives a positive force and a negative torque [N m], which turns
-    the wheel back. The lateral force is that of `MaxwellTyre`. Turning of the contact patch (turn slip, Pacejka, "Tire
-    and Vehicle Dynamics", chapter 5) is left out: its torque matters near standstill.
+    the wheel back. The lateral force is that of `MaxwellTyre`. With turning of the contact patch see
+    `mofit.models.library.turn_slip.MaxwellTyreTurning`.
     """
 
     name = "maxwell_tyre_aligning"

@@ -49,13 +49,22 @@ LATERAL_FORCE = Channel("lateral_force", "N", "lateral force")
 _HARDLY_DEGRESSIVE = 1e-6
 
 
+def sliding_velocity(s: Symbols, angle: ca.SX) -> ca.SX:
+    r"""Lateral sliding velocity of the contact patch [m/s] under a slip angle [rad].
+
+    :math:`v \sin\alpha`, and :math:`v \, l_\varphi \varphi` more in models with turn slip :math:`\varphi` [1/m].
+    """
+    turned = s.l_phi * s.turn_slip if "turn_slip" in s else 0
+    return s.longitudinal_velocity * (ca.sin(angle) + turned)
+
+
 def lateral_slip(s: Symbols) -> tuple[ca.SX, ca.SX]:
     r"""Normalised lateral slip and transport velocity of a free-rolling wheel.
 
     .. math::
         v^* = v \cos\alpha \, \hat s + v_N, \qquad s = \frac{-v_y}{v^*}, \quad v_y = -v \sin\alpha
 
-    Eq. (3) of Hackl et al. 2016 with :math:`r_D |\Omega| = v \cos\alpha`.
+    Eq. (3) of Hackl et al. 2016 with :math:`r_D |\Omega| = v \cos\alpha`; see `sliding_velocity` for turn slip.
 
     Returns
     -------
@@ -68,7 +77,7 @@ def lateral_slip(s: Symbols) -> tuple[ca.SX, ca.SX]:
     transport = s.quantity(
         "transport_velocity", ca.fabs(speed * ca.cos(angle)) * s.slip_normalisation + s.fictitious_velocity
     )
-    return s.quantity("lateral_slip", speed * ca.sin(angle) / transport), transport
+    return s.quantity("lateral_slip", sliding_velocity(s, angle) / transport), transport
 
 
 class Curve(NamedTuple):

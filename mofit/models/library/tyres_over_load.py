@@ -17,6 +17,7 @@ from mofit.models.library.longitudinal_tyres import (
     TMeasyCurveLongitudinal,
 )
 from mofit.models.library.steady_state import QuasiStaticSpring, TMeasyCurve
+from mofit.models.library.turn_slip import MaxwellTyreTurning
 from mofit.models.library.tyres import KelvinVoigtTyre, MaxwellTyre
 from mofit.models.model import Condition, Equations, Model, Symbols
 from mofit.parameters import Parameter, powers
@@ -56,6 +57,8 @@ LAWS: dict[str, tuple[Callable[[ca.SX, ca.SX, ca.SX], ca.SX], float, bool]] = {
     **dict.fromkeys(("c_y", "c_x"), (linear, 1.1, True)),
     "n_0": (linear, 1.4, True),
     "s_0": (linear, 1.1, False),
+    "l_phi": (linear, 1.4, False),
+    "m_phi": (quadratic, 2.4, False),
 }
 
 
@@ -154,6 +157,13 @@ class MaxwellTyreAligningOverLoad(OverLoad, MaxwellTyreAligning):
     """Lateral force and self-aligning torque over slip angle, load and pressure.
 
     See `OverLoad` for the laws and `MaxwellTyreAligning` for the equations.
+    """
+
+
+class MaxwellTyreTurningOverLoad(OverLoad, MaxwellTyreTurning):
+    """Lateral force and self-aligning torque over slip angle, turn slip, load and pressure.
+
+    See `OverLoad` for the laws and `MaxwellTyreTurning` for the equations.
     """
 
 
