@@ -10,9 +10,10 @@ import numpy as np
 
 from mofit.data import Campaign
 from mofit.diagnosis.accounts import Account
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.gap_under_conditions import gaps_under_conditions
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.main_cause import Case, investigate, main_causes, rivals, stands_out

@@ -86,7 +86,8 @@ def _states(effect: TermEffect) -> str:
 
 def _body(effect: TermEffect) -> str:
     """What ``apply`` does."""
-    lines = [f"{one.name} = s.{one.name} / {one.scale:.8g}  # {one.unit}" for one in effect.variables]
+    signals = [("value" if one.is_output else f"s.{one.name}", one) for one in effect.variables]
+    lines = [f"{one.name} = {signal} / {one.scale:.8g}  # {one.unit}" for signal, one in signals]
     lines.append(f"term = {effect.terms[0].text}")
     lines += [f"term += {one.text}" for one in effect.terms[1:]]
     if not effect.stateful:

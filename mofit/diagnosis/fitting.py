@@ -2,37 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.data import Campaign
-from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.input_prediction import with_noise_beside_prediction
-from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
-from mofit.diagnosis.scoped_starts import with_scoped
-from mofit.diagnosis.whitened_data import WhitenedData, whiten
-from mofit.identification.calibration import calibrated_values
-from mofit.identification.problem_setup import ProblemSetup, set_up_problem
-from mofit.identification.settings import Settings
-from mofit.identification.stages import search
-from mofit.identification.steady_start import leads_said, led_in, steady_from_start
-from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
-from mofit.models import Model
 from mofit.optimize import Minimum, RefineSettings
-from mofit.parameters import ParameterSpace
-from mofit.problem import explained
 
-#: Starts of the baseline beside those given; and the most minima of the search among these.
-_STARTS, _MINIMA = 7, 8
-#: Rounds in which the baseline and the noise of records that do not repeat are estimated in turn.
-_NOISE_ROUNDS = 2
-#: Least share of the noise's power that a residual holds where that is noise: it is known better than to a factor of 2.
-_FALSE = 0.5
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
 _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
@@ -160,35 +139,6 @@ def project(fitted: Fitted) -> Projection:
     return Projection(basis, residual - basis @ (basis.T @ residual), triangle, fitted.free)
 
 
-def set_up(
-    model: Model,
-    campaign: Campaign,
-    settings: Settings,
-    tests: Sequence[str] = (),
-    simulators: SimulatorCache | None = None,
-    space: ParameterSpace | None = None,
-) -> tuple[WhitenedData, FloatArray]:
-    """The whitened tests, and starts (k, d): the nominal point, and the best minima that the search finds.
-
-    Parameters with a calibration start at its values.
-    """
-    return _started(set_up_problem(model, campaign, settings, tests, space=space), simulators)
-
-
-def _whitened(setup: ProblemSetup, simulators: SimulatorCache | None) -> WhitenedData:
-    return whiten(setup.posterior.main, setup.calibrations, simulators or SimulatorCache(setup.settings.jobs))
-
-
-def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[WhitenedData, FloatArray]:
-    problem, known = setup.posterior.main, calibrated_values(setup.calibrations)
-    values = [known.get(p.name, p.nominal) for p in problem.space.parameters]
-    found, _ = search(setup.searched, setup.settings)
-    minima = setup.searched.layout.values(found.archived_points[:_MINIMA], problem.space.names)
-    # of a simulator the best alone: descents from elsewhere cost more than they may find
-    starts = np.vstack([values, minima]) if problem.evaluations is None else minima[:1]
-    return _whitened(setup, simulators), np.clip(problem.space.to_unit(starts), 0.0, 1.0)
-
-
 def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     """Refine from starts (K, d).
 
@@ -203,93 +153,3 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
-
-
-def baseline_in_wide_ranges(
-    model: Model,
-    campaign: Campaign,
-    settings: Settings,
-    tests: Sequence[str] = (),
-    simulators: SimulatorCache | None = None,
-) -> tuple[Fitted, tuple[str, ...]]:
-    """The model without effects, fitted in ranges wide enough for it; and what was widened or led in, in sentences."""
-    cache = simulators or SimulatorCache(settings.jobs)
-    setup = set_up_problem(model, campaign, settings, tests)
-    observed, starts = _started(setup, cache)
-    found, notes = fit_baseline(observed, starts, settings.seed), list[str]()
-    point = found.minimum.point[: len(observed.problem.space)]
-    if steady_from_start(setup.posterior.main):  # else the noise at the point is not worth its cost
-        led = led_in(setup, setup.posterior.with_noise_at(point), replace(found.minimum, point=point))
-        if led is not None:
-            notes += leads_said(setup, led[0])
-            setup, point = led
-            found = fit_baseline(_whitened(setup, cache), point, settings.seed)
-    first = space = found.hypothesis.observed.problem.space
-    for _ in range(MOST):
-        sides, values = found.minimum.at_bound[: len(space)], space.from_unit(found.minimum.point[: len(space)])
-        farther = space.farther(sides)
-        if farther == space:
-            break
-        known = setup.calibrations
-        wider = set_up_problem(model, campaign, settings, tests, space=farther, done=known, leads=setup.leads)
-        # the noise of the records stays
-        same = replace(found.hypothesis.observed, problem=wider.posterior.main, calibrations=wider.calibrations)
-        again = fit_baseline(same, beyond_ends(space, farther, values, sides), settings.seed)
-        if found.minimum.value - again.minimum.value <= WORTH:
-            break
-        found, space = again, farther
-    found = with_own_noise(_without_false_noise(found, settings.seed), settings.seed)
-    return found, (*notes, *map(str, widenings(first, space)))
-
-
-def _without_false_noise(found: Fitted, seed: int) -> Fitted:
-    """The baseline with records that ring up, say, taken as ones that do not repeat.
-
-    What changes there from period to period is no noise: the model follows it.
-    """
-    observed = found.hypothesis.observed
-    signals, false = list(observed.problem.signals), False
-    for i, (test, _, w) in enumerate(observed.records):
-        residual = w.signal(found.residual[: len(observed.measured)][observed.record == i])
-        if w.periods and np.mean(residual**2) < _FALSE * w.noise_sd**2:
-            signals[test], false = replace(signals[test], period=None, periods=0), True
-    if not false:
-        return found
-    problem = replace(observed.problem, signals=tuple(signals))
-    again = whiten(problem, observed.calibrations, observed.simulators)
-    return fit_baseline(again, found.minimum.point[: len(problem.space)], seed)
-
-
-def with_own_noise(found: Fitted, seed: int) -> Fitted:
-    """The baseline fitted again with the noise that it leaves of records that do not repeat."""
-    for _ in range(_NOISE_ROUNDS if found.hypothesis.observed.predicted_only.any() else 0):
-        found = fit_baseline(with_noise_of(found), found.minimum.point, seed)
-    return found
-
-
-def with_noise_of(found: Fitted) -> WhitenedData:
-    """The tests with the noise that a fit leaves of records that do not repeat."""
-    simulated = [outputs[0] for outputs, _ in found.hypothesis.outputs(found.minimum.point[None])]
-    return with_noise_beside_prediction(found.hypothesis.observed, simulated)
-
-
-def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:
-    """Fit the model as it is, from starts (k, d) or one, and from Sobol points over parameters without calibration.
-
-    They are those of the campaign; from each the others start at what is best there.
-    """
-    from scipy.stats import qmc  # late: its import takes half a second
-
-    model, starts = hypothesis(observed), np.atleast_2d(starts)[:, : len(observed.problem.space)]
-    start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
-    searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
-    scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
-    if observed.problem.evaluations is None:  # a simulator was searched
-        starts = np.concatenate([starts, np.where(searched, scattered, start)])
-    starts = with_scoped(model, starts)
-    model = model.at_steps_for(starts[:1])
-    with explained(observed.problem):
-        first = fit(model, starts)
-    # the minimum may be stiffer than the start
-    model = model.at_steps_for(first.minimum.point[None])
-    return fit(model, first.minimum.point[None]).without_tables()

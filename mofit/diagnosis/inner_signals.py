@@ -45,13 +45,15 @@ class Variable:
     Parameters
     ----------
     name, unit
-        Of a state or an input.
+        Of a state, an input or an output.
     scale
         Its largest magnitude in the data.
     low, high
         Its range in the data, relative to that.
     rate
         Name of the state or input that is its rate; empty if none is.
+    is_output
+        Whether it is an output of the model: only what acts on that output may depend on it.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Variable:
     low: float
     high: float
     rate: str = ""
+    is_output: bool = False
 
     @property
     def signed(self) -> bool:
@@ -132,16 +135,17 @@ class InnerSignals:
         return np.concatenate([own[name][used] for own, used in zip(self.signals, self.used, strict=True)])
 
     def variables(self) -> list[Variable]:
-        """Moving states and inputs, each signal once."""
+        """Moving states, inputs and outputs, each signal once."""
         model = self.model
-        known = (one for one in (*model.inputs, *model.states) if one.name != _TIME)
+        known = (one for one in (*model.inputs, *model.states, *model.outputs) if one.name != _TIME)
         channels = [one for one in known if not one.name.startswith(SIMULATED)]
         found: list[tuple[Channel, FloatArray]] = []
         for channel in channels:
             values = self.joined(channel.name)
             if np.ptp(values) > _SAME * np.abs(values).max() and not any(same(values, other) for _, other in found):
                 found.append((channel, values))
-        names = [channel.name for channel, _ in found]
+        outputs = {channel.name for channel in model.outputs}
+        names = [channel.name for channel, _ in found if channel.name not in outputs]
         return [
             Variable(
                 channel.name,
@@ -150,6 +154,7 @@ class InnerSignals:
                 float(values.min()) / scale,
                 float(values.max()) / scale,
                 next((other for other in names if self._is_rate(other, channel.name)), ""),
+                channel.name in outputs,
             )
             for channel, values in found
         ]

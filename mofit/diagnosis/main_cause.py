@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from mofit.diagnosis.baseline import fit_baseline, with_noise_of
 from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.fitting import Fitted, fit, fit_baseline, with_noise_of
+from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.model_search import Attribution, attribute
 from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.diagnosis.whitened_data import WhitenedData, whiten, with_discrepancy
 from mofit.models import Effect
 from mofit.runtime.progress import Progress
 
@@ -76,24 +77,37 @@ def investigate(
     """Test, refit and compare the effects; conclude.
 
     The noise of a record that does not repeat is what past inputs do not predict: part of a gap may be in it, as one
-    that drifts. Where the best effects show that, all is done again with the noise that they leave.
+    that drifts, or all of it. Where the best effects show that, all is done again with the noise that they leave.
     """
     case = _investigated(baseline, effects, settings, progress)
     for _ in range(_NOISE_ROUNDS):
-        observed, best = case.found.baseline.hypothesis.observed, case.found.best
-        if not (best.effects and observed.predicted_only.any()):
+        without, best = case.found.baseline, case.found.best
+        observed = without.hypothesis.observed
+        if not observed.predicted_only.any():
             break
-        quieter = _with_noise_left(best.fitted)
+        explained = best.fitted if best.effects else _best_by_squares(without, effects, settings, seed, progress)
+        quieter = _with_noise_left(explained, observed)
         if quieter is observed:
             break
-        point = case.found.baseline.minimum.point
-        case = _investigated(fit_baseline(quieter, point, seed), effects, settings, progress)
+        case = _investigated(fit_baseline(quieter, without.minimum.point, seed), effects, settings, progress)
     return case
 
 
-def _with_noise_left(fitted: Fitted) -> WhitenedData:
+def _best_by_squares(
+    baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, seed: int, progress: Progress
+) -> Fitted:
+    """The best effect where all lines of a record that does not repeat count alike; the baseline where none helps.
+
+    A noise that holds the gap itself hides every effect.
+    """
+    known = baseline.hypothesis.observed
+    alike = whiten(known.problem, known.calibrations, known.simulators)
+    single = replace(settings, most_effects=1)
+    return _attributed(fit_baseline(alike, baseline.minimum.point, seed), effects, single, progress)[1].best.fitted
+
+
+def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
     """The tests with the noise that a fit leaves, itself fitted with that noise, as long as it falls."""
-    observed = fitted.hypothesis.observed
     for _ in range(_FITS):
         quieter = with_noise_of(fitted)
         if not _falls(observed, quieter):
@@ -111,12 +125,19 @@ def _falls(before: WhitenedData, after: WhitenedData) -> bool:
 
 
 def _investigated(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
-    every = prepared(baseline, effects, progress)
-    candidates = [candidate for candidate in every if candidate.integrates]
+    every, found = _attributed(baseline, effects, settings, progress)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
-    found = attribute(baseline, candidates, settings, progress)
     before, after = residual_map(baseline), residual_map(found.best.fitted)
+    candidates = [candidate for candidate in every if candidate.integrates]
     return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+
+
+def _attributed(
+    baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress
+) -> tuple[list[Candidate], Attribution]:
+    """The effects as candidates, and the search among those that integrate."""
+    every = prepared(baseline, effects, progress)
+    return every, attribute(baseline, [one for one in every if one.integrates], settings, progress)
 
 
 def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:

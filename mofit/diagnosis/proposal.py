@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from mofit._typing import FloatArray
 from mofit.diagnosis.cross_validation import Shrinkage, cross_validate
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.inner_signals import Target
@@ -140,6 +141,7 @@ def propose(
     best = simplest(trials, least)
     if best.effect is None:
         return "no function of the model's inputs and states predicts it in data that were left out"
+    noise = _at_most(noise, best.errors)
     removed = 1 - float((best.errors - noise).sum() / (nothing - noise).sum())
     if removed < rules.partly:
         share = f"{100 * max(removed, 0.0):.0f} %"
@@ -151,6 +153,11 @@ def propose(
         what = f"{'halves' if many else 'shrinks'} it in {fewer} of {len(nothing)} {folds}"
         return f"the best one ({_law(best.effect)}) {what}: it may be chance"
     return _validated(starts, best, rules, seed)
+
+
+def _at_most(noise: FloatArray, left: FloatArray) -> FloatArray:
+    """The noise of folds, lowered to what is left of them where it is more: what can be predicted is no noise."""
+    return noise * min(1.0, float(left.sum() / noise.sum()))
 
 
 def _again(fitted: Fitted, observed: WhitenedData) -> Fitted:
@@ -205,7 +212,7 @@ def _of_parts(baseline: Fitted, best: Trial, proposal: Callable[..., Proposal]) 
     if any(w.periods for _, _, w in observed.records):
         return "there is only one test, and it repeats: nothing can be left out"
     before, after = prediction_errors(baseline), best.errors
-    noise = np.minimum(noise_of_folds(observed), before)
+    noise = _at_most(np.minimum(noise_of_folds(observed), before), after)
     before, after = before - noise, after - noise
     if np.any(after > before + noise):
         return "the best term makes a part of the record worse where left out"

@@ -24,11 +24,11 @@ def term_curves(proposal: Proposal, seed: int = 0) -> dict[str, Any]:
     effect, fitted = proposal.effect, proposal.fitted
     main = effect.terms[0].term.x
     states = [state.name for state in effect.states]
-    signals = list(dict.fromkeys([*effect.needs, *states]))
+    signals = list(dict.fromkeys([*effect.signals, *states]))
     names = [parameter.name for parameter in effect.parameters]
     symbols = {name: ca.SX.sym(name) for name in (*names, *signals)}
-    added = effect.apply(Symbols(symbols), ca.SX(0)).value
-    term = ca.Function("term", [ca.vertcat(*(symbols[n] for n in names)), *(symbols[n] for n in signals)], [added])
+    added, _, _ = effect.evaluated(Symbols(symbols))
+    term = ca.Function("term", [ca.vertcat(*(symbols[n] for n in names)), *(symbols[n] for n in signals)], [sum(added)])
     draws = _draws(proposal, names, seed)
 
     def line(test: str, columns: dict[str, FloatArray]) -> dict[str, Any]:

@@ -35,17 +35,18 @@ def term_columns(signals: InnerSignals, targets: Sequence[Target], terms: Sequen
         added = term_signals(signals, terms)
         responses = signals.responses([target.name for target in targets])
         for k, target in enumerate(targets):
+            own = [i for i, term in enumerate(terms) if term.acts_on(target)]
             outputs = [
-                response.of(k, own)[experiment.lead :]
-                for response, own, experiment in zip(responses, added, signals.experiments, strict=True)
+                response.of(k, each[:, own])[experiment.lead :]
+                for response, each, experiment in zip(responses, added, signals.experiments, strict=True)
             ]
-            yield Columns(target, tuple(terms), observed.whitened(outputs))
+            yield Columns(target, tuple(terms[i] for i in own), observed.whitened(outputs))
 
 
 def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArray]:
     """Terms per unit of their coefficients along the fitted motion: (samples, K) per test."""
     effect = block(Target("", "", 1.0), terms)
-    given = [ca.SX.sym(name) for name in effect.needs]
+    given = [ca.SX.sym(name) for name in effect.signals]
     states = [ca.SX.sym(name) for name in (one.state for one in effect.stateful)]
     fixed = {placed.size: 1.0 for placed in effect.terms} | {
         placed.shape: placed.term.point for placed in effect.terms if placed.term.point is not None
@@ -58,7 +59,7 @@ def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArra
     value = ca.Function("value", [inputs, state], [values])
     found = []
     for own, experiment in zip(signals.signals, signals.experiments, strict=True):
-        known = stacked(own, effect.needs, experiment.samples)
+        known = stacked(own, effect.signals, experiment.samples)
         memory = _memories(drive, known, experiment.step) if states else np.empty((len(known), 0))
         found.append(at_samples(value, known, memory)[0][..., 0])
     return found

@@ -81,6 +81,10 @@ class Term:
         """The signals that it reads."""
         return (self.x,) if self.y is None else (self.x, self.y)
 
+    def acts_on(self, target: Target) -> bool:
+        """Whether it may act there: what depends on an output acts on that output."""
+        return all(one.name == target.name for one in self.variables if one.is_output)
+
     def line(self, template: str, parameter: str, state: str) -> str:
         """A line of the form for these signals, with the names of its shape parameter and its state."""
         return self._filled(template, p=parameter, z=state)
@@ -121,6 +125,9 @@ def _of_one(x: Variable) -> Iterator[Term]:
         yield from (Term(even, x, point=power) for power in _EVEN)
         width = Shape("width", "1", 1e-3, 1.0, "half the width over which it changes its sign, relative", "log")
         yield from (Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS)
+        beyond = Shape("threshold", "1", 1e-3, 2.0, "where it begins on both sides, relative", "log")
+        form = Form("{x} beyond a threshold", "(ca.fmax({x} - {p}, 0) - ca.fmax(-{x} - {p}, 0))", shape=beyond)
+        yield from (Term(form, x, point=share) for share in _THRESHOLDS)
     span = x.high - x.low
     # with the term the signal may go farther
     threshold = Shape("threshold", "1", x.low - span, x.high + span, "where it begins, relative")
@@ -223,7 +230,8 @@ class TermEffect(Effect):
         variables = {one.name: one for placed in terms for one in placed.term.variables}
         rates = {one.rate for placed in terms for one in placed.term.variables if "{rate}" in placed.term.form.drives}
         self.variables = tuple(variables.values())
-        self.needs = tuple(sorted({*variables, *rates}))
+        self.signals = tuple(sorted({*variables, *rates}))
+        self.needs = tuple(name for name in self.signals if name in rates or not variables[name].is_output)
         reach = _REACH * max([target.scale, *(abs(placed.value) for placed in terms)])
         own = {one.name: one for placed in terms for one in placed.parameters(reach)}
         self.parameters = tuple(own.values())
@@ -233,7 +241,7 @@ class TermEffect(Effect):
 
     def apply(self, s: Symbols, value: ca.SX) -> Applied:
         """The quantity with the terms."""
-        terms, drives, starts = self.evaluated(s)
+        terms, drives, starts = self.evaluated(s, value)
         states = [one.state for one in self.stateful]
         return Applied(
             value + sum(terms),
@@ -241,9 +249,15 @@ class TermEffect(Effect):
             dict(zip(states, starts, strict=True)),
         )
 
-    def evaluated(self, s: Any) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
-        """What every term adds; and of every state its derivative and its initial value."""
-        names = {"ca": ca, "s": s, **{one.name: getattr(s, one.name) / one.scale for one in self.variables}}
+    def evaluated(self, s: Any, value: ca.SX | None = None) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """What every term adds; and of every state its derivative and its initial value.
+
+        An output that it acts on is its ``value`` before; without one it is among the symbols.
+        """
+        names = {"ca": ca, "s": s}
+        for one in self.variables:
+            signal = value if one.is_output and value is not None else getattr(s, one.name)
+            names[one.name] = signal / one.scale
         texts = (
             [placed.text for placed in self.terms],
             [one.drives for one in self.stateful],

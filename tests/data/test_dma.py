@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mofit.data.dma import sine_tests
-from mofit.diagnosis.fitting import fit_baseline, set_up
+from mofit.diagnosis.baseline import fit_baseline, set_up
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.identification.settings import Settings
 from mofit.models import find_model

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from damper_rig import damper_campaign, damper_diagnosis, truth
 
+from mofit.diagnosis.baseline import set_up
 from mofit.diagnosis.conclusion import conclude
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.fitting import set_up
 from mofit.diagnosis.next_experiment import next_experiment, proposals, usual_sine
 from mofit.diagnosis.result import summary
 from mofit.diagnosis.settings import DiagnosisSettings, NextExperimentSettings

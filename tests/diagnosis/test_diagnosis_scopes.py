@@ -9,8 +9,8 @@ from damper_with_offsets import damper_with_offsets
 from scipy.integrate import solve_ivp
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.fitting import baseline_in_wide_ranges
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.result import Diagnosis, summary
 from mofit.errors import InputError

@@ -7,9 +7,10 @@ import pytest
 from damper_rig import SIMULATORS, damper_campaign, damper_diagnosis, truth
 
 from mofit.data import Campaign
+from mofit.diagnosis.baseline import fit_baseline, set_up
 from mofit.diagnosis.cross_validation import leave_out
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.fitting import Fitted, fit_baseline, set_up
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.mean_squares import mean_squares
 from mofit.diagnosis.model_search import attribute, with_final_estimates
 from mofit.diagnosis.residual_map import residual_map

@@ -9,8 +9,8 @@ import strangers
 from damper_rig import damper_campaign
 from scipy.linalg import expm
 
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import prepare
-from mofit.diagnosis.fitting import baseline_in_wide_ranges
 from mofit.diagnosis.inner_signals import inner_signals
 from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_functions
 from mofit.diagnosis.term_rows import term_columns

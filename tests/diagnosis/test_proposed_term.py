@@ -12,9 +12,10 @@ import strangers
 
 from mofit.cli import main
 from mofit.data import Campaign, write_campaign
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
-from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import inner_signals
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.pages import diagnosis_page
@@ -128,9 +129,40 @@ def test_the_curve_is_the_law() -> None:
     assert np.all(curve["y"] <= curve["high"])
 
 
-@pytest.mark.parametrize("law", ["root stiffness", "bump stop", "memory of speed"])
+TRANSDUCERS = {
+    "knee": lambda force: force - 0.5 * strangers.beyond(force, 120.0),
+    "dead band": lambda force: strangers.beyond(force, 15.0),
+}
+
+
+@cache
+def of_transducer(curve: str) -> Proposal:
+    found = learnt(strangers.transduced(TRANSDUCERS[curve]))
+    assert isinstance(found, Proposal), found
+    return found
+
+
+def test_a_transducer_that_bends_shows_as_a_function_of_its_own_signal() -> None:
+    found = of_transducer("knee")
+    assert (found.target.name, only_title(found)) == ("force", "force beyond a threshold")
+    size, threshold = found.estimates
+    scale = found.effect.variables[0].scale
+    assert size.low / scale < -0.5 < size.high / scale
+    assert threshold.low * scale < 120 < threshold.high * scale
+    assert found.low > 0.95
+    (curve,) = term_curves(found)["curves"]
+    np.testing.assert_allclose(curve["y"], -0.5 * strangers.beyond(curve["x"], 120.0), atol=0.5)
+
+
+def test_a_dead_band_of_a_transducer_is_learnt() -> None:
+    found = of_transducer("dead band")
+    assert {one.name for one in found.effect.variables} == {"force"}
+    assert found.low > 0.95
+
+
+@pytest.mark.parametrize("law", ["root stiffness", "bump stop", "memory of speed", "knee"])
 def test_the_file_is_the_effect(law: str, tmp_path: Path) -> None:
-    found = of_damper(law)
+    found = of_transducer(law) if law in TRANSDUCERS else of_damper(law)
     file = tmp_path / EFFECT_FILE
     file.write_text(effect_file(found, "a campaign", "a model"))
     own, model = find_effect(str(file)), find_model("kelvin_voigt_damper")
@@ -153,7 +185,8 @@ def test_quantities_that_act_alike_are_one() -> None:
     found = inner_signals(baseline)
     targets = {one.name: one.alike for one in found.targets()}
     assert set(targets["force"]) == {"damper_force", "spring_force", "velocity"}
-    displacement, velocity = found.variables()
+    displacement, velocity, force = found.variables()
+    assert force.is_output
     assert displacement.rate == "velocity"
     assert displacement.scale == pytest.approx(0.02, rel=1e-3)
     assert velocity.rate == ""

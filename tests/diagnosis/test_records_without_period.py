@@ -10,9 +10,10 @@ from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
 from mofit.data import Campaign, Experiment, Measurement
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.causal_filter import CausalFilter
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.fitting import Fitted, baseline_in_wide_ranges
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.identification.settings import Settings
 from mofit.models import find_model

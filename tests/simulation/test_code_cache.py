@@ -82,6 +82,13 @@ def test_old_files_go(place):
     assert load_code("5") == b"code"
 
 
+def test_what_is_used_stays(place):
+    for number in range(10):
+        keep_code(str(number), b"code", most_files=5)
+        assert load_code("0") == b"code"
+    assert load_code("5") is None
+
+
 def simulated():
     simulator = Simulator(RELAXATION, [sine_experiment(RELAXATION)], steps=2)
     return simulator.sensitivities([[0.3, 2.0, 0.5]])[0]

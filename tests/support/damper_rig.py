@@ -5,8 +5,9 @@ from functools import cache
 import numpy as np
 
 from mofit.data import Campaign
+from mofit.diagnosis.baseline import fit_baseline, set_up
 from mofit.diagnosis.diagnose import diagnose
-from mofit.diagnosis.fitting import Fitted, fit_baseline, set_up
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.result import Diagnosis
 from mofit.identification.settings import Settings

@@ -37,6 +37,16 @@ def damper(law: Law, noise: float = 2.0, seed: int = 1, unit: float = 1.0, strok
     return Campaign("damper", "simulated", {}, tuple(measured))
 
 
+def beyond(values: np.ndarray, threshold: float) -> np.ndarray:
+    """What exceeds a threshold on both sides, with its sign."""
+    return np.asarray(np.sign(values) * np.maximum(np.abs(values) - threshold, 0))
+
+
+def transduced(curve: Callable[[np.ndarray], np.ndarray]) -> Campaign:
+    """The damper behind a transducer that shows a function of its force, in N."""
+    return damper(lambda x, v, t: curve(STIFFNESS * x + DAMPING * v) - (STIFFNESS * x + DAMPING * v))
+
+
 def memory(drive: Callable[[np.ndarray, np.ndarray], np.ndarray], time_constant: float) -> Law:
     """A force that follows a function of displacement and velocity with a time constant, from rest."""
 
@@ -90,13 +100,13 @@ DAMPERS: dict[str, Law] = {
     "thixotropic damping": lambda x, v, t: -600 * v * memory(lambda x, v: np.abs(v) / 0.1, 0.3)(x, v, t),
     "damping grows with stroke": lambda x, v, t: 3e6 * x**2 * v,
     "fifth power": lambda x, v, t: 3e10 * x**5,
+    "stops on both sides": lambda x, v, t: 4e4 * beyond(x, 0.013),
 }
 #: laws that are none of the forms which are tried
 OTHER_DAMPERS: dict[str, Law] = {
     "sinh spring": lambda x, v, t: 50 * np.sinh(x / 0.005),
     "air spring": lambda x, v, t: 400 * ((1 - x / 0.03) ** -1.4 - 1),
     "orifices": lambda x, v, t: np.where(v > 0, 3000 * v**2, -800 * v**2),
-    "stops on both sides": lambda x, v, t: 4e4 * np.sign(x) * np.maximum(np.abs(x) - 0.013, 0),
     "damping grows exponentially": lambda x, v, t: 80 * v * np.exp(x / 0.01),
     "Stribeck friction": lambda x, v, t: (20 + 40 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 1e-3),
     "oil that warms up": lambda x, v, t: -400 * v * memory(lambda x, v: (v / 0.1) ** 2, 1.5)(x, v, t),

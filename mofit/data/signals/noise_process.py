@@ -124,8 +124,13 @@ def noise_process(
         every = _bins(periods, int(len(power) / periods))
         known[every[every < len(power)]] = False
     spectrum, freedom = autoregressive_spectrum(power, known, count)
+    used = known
     for _ in range(LINES.line_rounds if without_lines else 0):
-        spectrum, freedom = autoregressive_spectrum(power, known & (power < LINES.line * spectrum), count)
+        quiet = known & (power < LINES.line * spectrum)
+        if np.array_equal(quiet, used):
+            break
+        used = quiet
+        spectrum, freedom = autoregressive_spectrum(power, used, count)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
     return NoiseProcess(level, spectrum, freedom, harmonics, whole[harmonics])
 

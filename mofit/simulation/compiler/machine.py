@@ -13,6 +13,7 @@ import itertools
 import os
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,8 +27,10 @@ from casadi import CasadiMeta
 
 #: Names the folder instead of the user's cache folder; empty: nothing is kept.
 CACHE_VARIABLE = "MOFIT_KERNEL_CACHE"
-#: Beyond this number the oldest files go; one model takes about ten of 10 kB each, a diagnosis some hundreds.
+#: Beyond this number files go; one model takes about ten of 10 kB each, a diagnosis some hundreds.
 MOST_FILES = 5000
+#: Then room is made for one in so many.
+_SPARE = 10
 _DIGEST = sha256().digest_size
 _serial = itertools.count()
 _lock = threading.RLock()
@@ -149,16 +152,23 @@ def load_code(key: str) -> bytes | None:
     folder = cache_folder()
     if folder is None:
         return None
+    file = folder / key
     try:
-        content = (folder / key).read_bytes()
+        content = file.read_bytes()
     except OSError:
         return None
+    with suppress(OSError):  # used now: others go first
+        os.utime(file, ns=(time.time_ns(), file.stat().st_mtime_ns))
     code = content[_DIGEST:]
     return code if sha256(code).digest() == content[:_DIGEST] else None
 
 
 def keep_code(key: str, code: bytes, most_files: int = MOST_FILES) -> None:
-    """Keep code under a key, if the disk allows; of more files than ``most_files`` the oldest go."""
+    """Keep code under a key, if the disk allows.
+
+    Of more files than ``most_files`` those go that were not used for longest; some more than needed, as looking for
+    them takes as long as to compile one.
+    """
     folder = cache_folder()
     if folder is None:
         return
@@ -170,6 +180,6 @@ def keep_code(key: str, code: bytes, most_files: int = MOST_FILES) -> None:
         os.replace(temporary, folder / key)
         files = [path for path in folder.iterdir() if not path.name.startswith(".")]
         if len(files) > most_files:
-            files.sort(key=lambda path: path.stat().st_mtime)
-            for path in files[: len(files) - most_files]:
+            files.sort(key=lambda path: path.stat().st_atime_ns)
+            for path in files[: len(files) - most_files + most_files // _SPARE]:
                 path.unlink(missing_ok=True)

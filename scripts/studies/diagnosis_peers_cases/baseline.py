@@ -16,7 +16,7 @@ import numpy as np
 from diagnosis_peers_cases.records import Records, forces, rms, save
 from mofit import Campaign, read_campaign
 from mofit._typing import FloatArray
-from mofit.diagnosis.fitting import baseline_in_wide_ranges
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.identification.settings import Settings
 from mofit.models import Equations, Model, find_model
 from mofit.parameters import ParameterSpace
