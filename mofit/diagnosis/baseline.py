@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -78,12 +79,12 @@ def _first_fit(setup: ProblemSetup, simulators: SimulatorCache) -> Fitted:
     What one descent of twenty finds alone may hide another one that none has found.
     """
     observed, starts = _started(setup, simulators)
-    try:
-        found = [fit_baseline(observed, starts, setup.settings.seed)]
-    except InputError:
-        found = []
-    if observed.problem.evaluations is None and not (found and len(found[0].minimum.members) > 1):
-        found.append(fit_baseline(observed, _minima(setup, _MINIMA), setup.settings.seed))
+    found = []
+    with suppress(InputError):
+        found.append(fit_baseline(observed, starts, setup.settings.seed))
+    if not found or (observed.problem.evaluations is None and len(found[0].minimum.members) < 2):
+        minima = _minima(setup, _MINIMA)
+        found.append(fit_baseline(observed, minima if len(minima) else starts, setup.settings.seed))
     return min(found, key=lambda one: one.minimum.value)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mofit.errors import InputError
+from mofit.identification.descents import kept_for_refinement
 from mofit.identification.findings import Finding
 from mofit.identification.search_budget import FEWEST_SETS
 from mofit.problem import Problem
@@ -31,15 +32,25 @@ def check_allowed(problem: Problem) -> None:
     evaluations = problem.evaluations
     if evaluations is None:
         return
-    tests, free = len(problem.tests), len(problem.space)
-    least = 2 * tests * (FEWEST_SETS + 2 * (1 + free))
+    tests, free, least = len(problem.tests), len(problem.space), _least(problem)
     if evaluations.limit < least:
         message = f"too few for {tests} tests and {free} free parameters"
         raise InputError.of(f"--simulations {evaluations.limit:.0f}", message, f"Give at least {least}")
 
 
+def _least(problem: Problem) -> int:
+    """Simulations with which a search and a descent can begin, and the best minimum be refined."""
+    descent = 2 * len(problem.tests) * (FEWEST_SETS + 2 * (1 + len(problem.space)))
+    return descent + kept_for_refinement(problem)
+
+
+def enough_to_search(problem: Problem) -> bool:
+    """Whether the simulations left let another search begin, in wider ranges say."""
+    return problem.evaluations is None or problem.evaluations.left >= _least(problem)
+
+
 def keep_for_sampling(problem: Problem) -> None:
-    """Keep simulations for the score at a minimum and a first emulator: search and descents do not spend all."""
+    """Keep simulations for a refinement, the score at a minimum and a first emulator: a search does not spend all."""
     evaluations = problem.evaluations
     if evaluations is not None:
         free = len(problem.space)
@@ -47,6 +58,7 @@ def keep_for_sampling(problem: Problem) -> None:
         score, emulator = (len(problem.tests) * sets for sets in (1 + 2 * free, FIRST_EMULATOR * simulations_for(free)))
         most = max(KEPT_SHARE * evaluations.left - score, 0)
         evaluations.reserved |= {"score": score, "emulator": int(min(emulator, most))}
+        evaluations.reserved["refinement"] = int(min(kept_for_refinement(problem), evaluations.left / 2))
 
 
 def check_left(problem: Problem) -> None:

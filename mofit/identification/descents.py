@@ -20,6 +20,8 @@ from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explain
 COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=0.1, decrease_tolerance=1e-2, most_damping=1e5)
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
 SHARE, STEPS = 0.5, 8
+#: Slopes by central differences that are kept for the best minimum; to find their steps takes two more.
+REFINEMENT = 5
 #: Descents that begin together, and the expected number of undiscovered minima at which no others begin.
 ROUND, UNDISCOVERED = 4, 0.5
 
@@ -39,6 +41,11 @@ def descend(posterior: CampaignPosterior | AdjustedPosterior, starts: FloatArray
     return refine(posterior.evaluate, starts, settings, posterior.value if by_differences else None)
 
 
+def kept_for_refinement(problem: Problem) -> int:
+    """Simulations that the descent from the best minimum takes at least."""
+    return REFINEMENT * len(problem.tests) * (1 + 2 * len(problem.space))
+
+
 def starts_of(found: SearchResult) -> tuple[FloatArray, list[str]]:
     """The minima that the search archived, its best point of each objective, and the stage that found each."""
     best = [int(row) for row in np.nanargmin(found.objectives, axis=0)]
@@ -55,7 +62,8 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
 
     The minima of a surrogate of the cost may be few: it is too coarse to show a narrow one. So descents begin at its
     minima and at all evaluated points with none better near (single linkage), best first, until few minima are
-    expected undiscovered (`expected_undiscovered`) or their share of the simulations is spent.
+    expected undiscovered (`expected_undiscovered`) or their share of the simulations is spent. What was kept for the
+    refinement is free then.
 
     Parameters
     ----------
@@ -86,6 +94,7 @@ def completed(problem: Problem, found: SearchResult, until: float = math.inf) ->
         minima, tried = np.stack([minimum.point for minimum in reached]), tried + len(batch)
         undiscovered = expected_undiscovered(tried, len(minima))
     evaluations.settle(near_minimum=True)
+    evaluations.reserved.pop("refinement", None)
     complete = undiscovered <= UNDISCOVERED
     if tried == len(rows) and not complete:  # no start is left: how many basins there are these few do not tell
         return found, minima

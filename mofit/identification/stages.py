@@ -13,7 +13,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
-from mofit.identification.allowance import check_allowed, check_left, keep_for_sampling
+from mofit.identification.allowance import check_allowed, check_left, enough_to_search, keep_for_sampling
 from mofit.identification.descents import completed, descend, settings_for, starts_of
 from mofit.identification.findings import Finding
 from mofit.identification.mode_sampling import sample_modes
@@ -67,7 +67,7 @@ def locate_minima(
 
     With a ``start``, values of the parameters by name, that is refined, nothing searched. ``searched`` is called with
     the problem and the minima (k, d) as soon as the first search has found them. From the time ``until`` of
-    `time.monotonic` on, refinements end where they are and ranges are not widened.
+    `time.monotonic` on, refinements end where they are and ranges are not widened, nor with too few simulations left.
     """
     timer = timer or StageTimer()
     with timer.measure("calibrate"):
@@ -78,9 +78,11 @@ def locate_minima(
         if time.monotonic() > until:
             found = (TIME_IS_UP,)
             break
+        if not enough_to_search(located.searched):
+            break
         with timer.measure("refine"):
             wider = widen(setup, located.posterior, located.minima[0])
-        if wider is None:
+        if wider is None or not enough_to_search(located.searched):
             continue
         new = [*widenings(setup.fitted, wider.fitted), *widenings(setup.space, wider.space), *leads_said(setup, wider)]
         for note in new:

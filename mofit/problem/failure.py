@@ -25,11 +25,16 @@ def explained(problem: Problem) -> Iterator[None]:
     Raises
     ------
     InputError
-        That of the block, if the model gives finite outputs and derivatives at its nominal values.
+        That of the block, if the model gives finite outputs and derivatives at its nominal values, or that the
+        simulations allowed are spent.
     """
     try:
         yield
     except InputError as error:
+        if problem.evaluations is not None and problem.evaluations.left == 0:
+            where = f"--simulations {problem.evaluations.limit:.0f}"
+            message = "they were spent before the slopes at a single point were known"
+            raise InputError.of(where, message, "Allow more, or narrow the ranges") from error
         if issues := model_failures(problem, problem.space.nominal):
             raise InputError(issues) from error
         raise

@@ -72,14 +72,21 @@ def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):
 
 
 def test_where_the_limit_ends_it_the_result_is_not_trusted():
-    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=118))
+    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=190))
     (mode, *_) = modes
-    assert mode.sampled.problem.main.evaluations.count <= 118
+    assert mode.sampled.problem.main.evaluations.count <= 190
     assert mode.emulator.error > 0.3
     finding = mode.emulator.finding("m1")
     assert finding.level == "untrusted"
     assert "--simulations" in finding.text
     assert Lagging.name == "lagging"
+
+
+@pytest.mark.parametrize("allowed", [240, 400, 600])
+def test_few_simulations_end_in_a_result_whatever_their_number(allowed):
+    """Search, descents, wider ranges and emulator share what there is."""
+    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=allowed))
+    assert modes[0].sampled.problem.main.evaluations.count <= allowed
 
 
 def test_an_effect_behind_the_simulator_is_estimated():
