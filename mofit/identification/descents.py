@@ -15,9 +15,9 @@ from mofit.optimize.local_minima import Closeness, Refined
 from mofit.optimize.minima_archive import expected_undiscovered
 from mofit.problem import AdjustedPosterior, CampaignPosterior, Problem, explained
 
-#: A simulator's noise hides smaller gains than these, a hundredth of a nat. What the descent leaves the sampling finds,
-#: since the emulator is trained around the end and not only there.
-COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=0.1, decrease_tolerance=1e-2, most_damping=1e5)
+#: A simulator's noise hides much smaller gains than a thousandth of a nat; one of a hundredth lies 0.14 standard
+#: deviations away, and noise and adjustment are those of the end.
+COSTLY = RefineSettings(max_iterations=25, gradient_tolerance=0.03, decrease_tolerance=1e-3, most_damping=1e5)
 #: Share of the simulations left that descents may take, and the steps that one is expected to take.
 SHARE, STEPS = 0.5, 8
 #: Slopes by central differences that are kept for the best minimum; to find their steps takes two more.
