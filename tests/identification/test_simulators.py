@@ -72,9 +72,9 @@ def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):
 
 
 def test_where_the_limit_ends_it_the_result_is_not_trusted():
-    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=190))
+    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=182))  # the fewest
     (mode, *_) = modes
-    assert mode.sampled.problem.main.evaluations.count <= 190
+    assert mode.sampled.problem.main.evaluations.count <= 182
     assert mode.emulator.error > 0.3
     finding = mode.emulator.finding("m1")
     assert finding.level == "untrusted"

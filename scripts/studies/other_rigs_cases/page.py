@@ -16,8 +16,8 @@ from report_page import header, made_with, table
 
 Rows = Sequence[dict[str, Any]]
 COLUMNS = ("", "right", "of", "share", "95 % interval")
-#: shares of a proposed term, by the names that it may go by
-SHARES = ("share", "refitted", "removed", "shrinkage.refitted", "shrinkage.share")
+#: name of the share that a proposed term removes
+SHARE = "shrinkage.removed"
 
 
 def page(rows: Rows, wanted: int, command: str, doc: str | None) -> str:
@@ -131,9 +131,7 @@ def _shrinkage(seen: Rows) -> list[str]:
 
 
 def _proposed(strangers: Rows) -> list[str]:
-    own = [row for row in strangers if row["proposed"]]
-    shares = [row["proposed"].get(next((key for key in SHARES if key in row["proposed"]), "")) for row in own]
-    known = [share for share in shares if isinstance(share, int | float)]
+    known = [row["proposed"][SHARE] for row in strangers if row["proposed"]]
     if not known:
         return ["(f) No term was proposed for a stranger.", ""]
     good, worse = sum(share >= 0.8 for share in known), sum(share < 0 for share in known)
