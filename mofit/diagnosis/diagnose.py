@@ -113,7 +113,7 @@ def _diagnosed(
     began: float,
 ) -> Diagnosis:
     """The steps of a diagnosis, in order."""
-    campaign, _ = at_set_points(campaign, settings.over, settings.set_points)
+    campaign, merged = at_set_points(campaign, settings.over, settings.set_points)
     whole, campaign = campaign, without_held_out(campaign, hold_out)
     tests = remaining_tests(model, campaign, whole, tests)
     over, (model, settings) = settings.over, with_laws_of_conditions(campaign, model, settings, tests, progress)
@@ -157,6 +157,7 @@ def _diagnosed(
         left_out={**left_out, **case.stiff},
         accounts=(*found.accounts, *(Account(name, "could not be fitted", why) for name, why in case.stiff.items())),
         warnings=(
+            *merged,
             *notes,
             *simulations_told(observed.problem),
             *at_ends(found),

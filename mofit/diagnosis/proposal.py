@@ -157,7 +157,7 @@ def propose(
 
 def _at_most(noise: FloatArray, left: FloatArray) -> FloatArray:
     """The noise of folds, lowered to what is left of them where it is more: what can be predicted is no noise."""
-    return noise * min(1.0, float(left.sum() / noise.sum()))
+    return noise * min(1.0, float(left.sum() / max(noise.sum(), np.finfo(float).tiny)))
 
 
 def _again(fitted: Fitted, observed: WhitenedData) -> Fitted:

@@ -31,8 +31,9 @@ def explained(problem: Problem) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        if problem.evaluations is not None and problem.evaluations.left == 0:
-            where = f"--simulations {problem.evaluations.limit:.0f}"
+        evaluations = problem.evaluations
+        if evaluations is not None and evaluations.left == 0 and evaluations.refused:
+            where = f"--simulations {evaluations.limit:.0f}"
             message = "they were spent before the slopes at a single point were known"
             raise InputError.of(where, message, "Allow more, or narrow the ranges") from error
         if issues := model_failures(problem, problem.space.nominal):

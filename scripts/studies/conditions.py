@@ -15,7 +15,7 @@ measured samples within the band with noise. A mean over seeds has its standard 
 combinations alone: standard deviation, and root mean square error against the truth, of a parameter by the laws
 relative to that alone; and how often their intervals hold the truth. The first seeds (--sampled) are sampled with
 emcee, too. The cost is processor time over the number of loads, laws said. Rows that the work folder holds already are
-kept.
+kept if the same code made them.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@
 Measured: six sine strokes of a magneto-rheological damper at 0 A and as many at 0.5 A (mr_damper_sine) as one campaign
 over current, Bouc-Wen damper. The evidence chooses between constant and linear: two currents determine no more. The
 stroke of 10 mm at 1 Hz is left out at both currents and predicted by the laws; the band is that of 90 %, of parameters,
-noise and model error. Not sampled (Laplace). A run that the work folder holds already is kept.
+noise and model error. Not sampled (Laplace). A run that the work folder holds already is kept
+if the same code made it.
 """
 
 from __future__ import annotations

@@ -4,7 +4,8 @@
 
 Every file of measurements under the data folder, as its authors published it, is proposed a map on its own. What the
 map gets wrong or cannot know is edited by hand, at most three lines: the edits stand in `EDITS` and in the table. The
-edited map is then imported. Rows that the work folder holds already are kept.
+edited map is then imported. Rows that the work folder holds already are kept if the same code made
+them.
 """
 
 from __future__ import annotations

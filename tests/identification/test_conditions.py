@@ -9,6 +9,7 @@ from xarray import DataTree
 
 from mofit.cli import main
 from mofit.data import Campaign, Experiment, Measurement, joined, read_campaign, write_campaign
+from mofit.diagnosis.diagnose import diagnose
 from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.prediction import predict
@@ -215,3 +216,5 @@ def test_loads_that_scatter_about_a_set_point_are_one_combination(tmp_path):
     assert [text.partition(" count")[0] for text in found] == [
         f"vertical_force: {load - 5:g}, {load + 5:g}" for load in LOADS[:2]
     ]
+    told = diagnose(whole, "kelvin_voigt_damper", ["delay"], settings=settings)
+    assert told.warnings[:2] == tuple(found)
