@@ -10,7 +10,8 @@ left out. Two ways of a user, default settings: `mofit identify curves_*.nc --mo
 vertical_force,inflation_pressure --hold-out ...`, where the evidence chooses the laws; and `--model
 tmeasy_curve_over_load`, which has them. Counted are the laws as made (slopes and forces quadratic and slips linear over
 load, linear or constant over pressure), the 90 % intervals that hold the true coefficient, and the samples of the
-combination left out within the 90 % band with noise. Rows that the work folder holds already are kept.
+combination left out within the 90 % band with noise. Rows that the work folder holds already are kept
+if the same code made them.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
+from functools import partial
 from io import StringIO
 from itertools import product
 from pathlib import Path
@@ -27,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from kept import kept
 from mofit._typing import FloatArray
 from mofit.cli import main as mofit
 from mofit.data import Campaign, Experiment, Measurement, write_campaign
@@ -194,10 +197,7 @@ def main() -> None:
         files = written(seed, folder)
         for way in WAYS:
             out = folder / way.replace(" ", "_")
-            done = out.with_suffix(".json")
-            if not done.exists():
-                done.write_text(json.dumps(identified(way, files, seed, out)), encoding="utf-8")
-            rows[way].append(json.loads(done.read_text(encoding="utf-8")))
+            rows[way].append(kept(out.with_suffix(".json"), partial(identified, way, files, seed, out)))
         command = f"tyre_curves.py --seeds {seed + 1 - options.seed} --seed {options.seed}"
         lines = header("Steady-state curves over load and pressure", __doc__, command, made_with())
         write_page("tyres", [*lines, *page(rows)], "curves.md")
