@@ -146,7 +146,9 @@ class Scheduler:
         """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
         columns = self._shape(derivatives).columns
         count = len(range(len(self.system.outputs))[kept])
-        result = [np.full((len(p), experiment.recorded, count, columns), np.nan) for experiment in experiments]
+        # samples last in memory: what follows works along them
+        shapes = [(len(p), count, columns, experiment.recorded) for experiment in experiments]
+        result = [np.full(shape, np.nan).transpose(0, 3, 1, 2) for shape in shapes]
         for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
             result[test][rows] = values[experiments[test].lead :, :, kept].transpose(3, 0, 2, 1)
         return result
