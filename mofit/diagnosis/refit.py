@@ -213,7 +213,8 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
         before, found = found, again(found)
         change = abs(found.minimum.value - before.minimum.value)
         gain = 2 * left * change
-        if change < _TOLERANCE or not any(one.present_in_calibration for one in found.hypothesis.discrepancies):
+        alone = not any(one.present_in_calibration for one in found.hypothesis.discrepancies)
+        if change < _TOLERANCE or (alone and found.minimum.converged):
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 
@@ -221,7 +222,7 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
 def with_stages(fitted: Fitted) -> Fitted:
     """The stages fitted again where the effects ended, those present in the stages' tests; then the model once more.
 
-    It stays where it is if neither the stages nor the steps of its integration change.
+    It stays where it is if that is a minimum, and neither the stages nor the steps of its integration change.
     """
     model, best, stages = fitted.hypothesis, fitted.minimum.point[None], fitted.hypothesis.observed.stages
     present = [one.present_in_calibration for one in model.discrepancies]
@@ -230,7 +231,8 @@ def with_stages(fitted: Fitted) -> Fitted:
         for one, here in zip(model.discrepancies, present, strict=True)
     ]
     again = replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best, model.steps)
-    return fit(again, best) if any(present) or again.steps != model.steps else fitted
+    stays = fitted.minimum.converged and not any(present) and again.steps == model.steps
+    return fitted if stays else fit(again, best)
 
 
 def _best_points(added: ScoreTest) -> list[int]:

@@ -84,13 +84,13 @@ def test_standard_deviation_with_derivatives_of_all_sizes():
     assert Fitted(None, minimum, np.zeros(2), jacobian).sd() == pytest.approx(np.full(2, 1 / np.sqrt(3)), rel=1e-5)
 
 
-def settle(values, limit):
-    """The value kept of minima found one after the other, the effect being present in the calibration tests."""
+def settle(values, limit, present=True, converged=True):
+    """The value kept of fits made one after the other, the effect being present in the calibration tests or not."""
     left = iter(values)
 
     def again(_=None):
-        discrepancies = [SimpleNamespace(present_in_calibration=True)]
-        minimum = SimpleNamespace(value=next(left), point=np.zeros(1))
+        discrepancies = [SimpleNamespace(present_in_calibration=present)]
+        minimum = SimpleNamespace(value=next(left), point=np.zeros(1), converged=converged)
         return SimpleNamespace(minimum=minimum, hypothesis=SimpleNamespace(discrepancies=discrepancies))
 
     return settled(again(), limit, again).minimum.value
@@ -99,6 +99,11 @@ def settle(values, limit):
 @pytest.mark.parametrize(("values", "kept"), [([1.0, 5.0] * 6, 5.0), ([5.0, 1.0, 1.05, 9.0], 1.05)])
 def test_of_alternating_minima_the_worse_counts(values, kept):
     assert settle(values, np.inf) == kept
+
+
+@pytest.mark.parametrize(("values", "converged", "kept"), [([5.0, 3.0], True, 3.0), ([5.0, 3.0, 1.0, 1.0], False, 1.0)])
+def test_a_fit_that_ends_before_its_minimum_goes_on(values, converged, kept):
+    assert settle(values, np.inf, present=False, converged=converged) == kept
 
 
 @pytest.mark.parametrize(
