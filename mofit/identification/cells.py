@@ -119,6 +119,8 @@ def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[Float
     space = posterior.space
     values = space.from_unit(minimum.point)
     covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).normal_hessian)
+    # what lies at an end of its range may be anywhere near: as wide as the range
+    covariance = covariance + np.diag(((minimum.point <= 0) | (minimum.point >= 1)) / 12)
     log = np.array([one.scale == "log" for one in space.parameters])
     width = space.derivative(values) / np.where(log, values, 1.0)
     index = [space.index(one.name) for one in parameters]
