@@ -16,7 +16,7 @@ from mofit.errors import Issue, did_you_mean, raise_errors
 from mofit.identification.calibration import calibrated_by
 from mofit.identification.cells import Cell, identify_cells
 from mofit.identification.joint_combinations import identified_together, shared_names
-from mofit.identification.law_choice import Candidates, alternatives, choose_laws
+from mofit.identification.law_choice import Candidates, alternatives, choose_laws, of_informed
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
 from mofit.identification.population import (
@@ -104,6 +104,7 @@ def study_conditions(
         fit, evidence = choose_populations(estimates, settings.laws)
         odd = outliers(estimates)
         return LawStudy(estimates, own_tests, fit, evidence, evaluations, populations(estimates, odd), odd)
+    candidates = of_informed(estimates, candidates, [key for key in candidates if _said_law(settings, *key)])
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
 
@@ -208,9 +209,7 @@ def law_candidates(
     for one in parameters:
         for k, condition in enumerate(settings.over):
             values = np.unique(at[:, k])
-            said = settings.laws.get(
-                f"{one.name}@{condition}", settings.laws.get(one.name, settings.laws.get(EVERY, ""))
-            )
+            said = _said_law(settings, one.name, condition)
             choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
             if one.name in calibrated:
                 issues += _own_values(one.name, calibrated[one.name], choices if said else (), settings.laws)
@@ -221,6 +220,12 @@ def law_candidates(
             ]
     raise_errors(dict.fromkeys(issues))
     return found
+
+
+def _said_law(settings: Settings, name: str, condition: str) -> str:
+    """What the settings say of a parameter over a condition; empty where the evidence is to choose."""
+    laws = settings.laws
+    return laws.get(f"{name}@{condition}", laws.get(name, laws.get(EVERY, "")))
 
 
 def _own_values(name: str, stage: str, said: Sequence[str], laws: Mapping[str, str]) -> list[Issue]:
