@@ -44,8 +44,8 @@ from mofit.simulation.table_cache import drop_tables
 
 #: Point estimates of an identification that is not finished, in its folder.
 ESTIMATES_FILE = "estimates.json"
-#: Seconds of a time limit that are kept for result and report.
-RESERVE = 8.0
+#: Seconds of a time limit that are kept for reference fits, result and report, but at most a third of it.
+RESERVE = 30.0
 #: Share of a time limit at which searches and refinements end.
 REFINED = 0.5
 
@@ -198,7 +198,7 @@ def _make_room() -> None:
 
 def _end_of_sampling(limit: float | None) -> float:
     """Time of `time.monotonic` at which sampling ends, so that the result is there within the limit."""
-    return math.inf if limit is None else time.monotonic() + max(limit - RESERVE, limit / 2)
+    return math.inf if limit is None else time.monotonic() + max(limit - RESERVE, 2 / 3 * limit)
 
 
 def _findings(located: Located, modes: Sequence[PosteriorMode], settings: Settings) -> tuple[Finding, ...]:

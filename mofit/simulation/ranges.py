@@ -20,6 +20,8 @@ Ranged = TypeVar("Ranged", Model, Effect)
 
 #: scale of times for which ranges are written, s: that of ten seconds at 100 Hz
 _TYPICAL_TIME = 0.1**0.5
+#: range of the first output, whatever its name, for which ranges are written
+OUTPUT, _TYPICAL_OUTPUT = "output", 1e3
 
 
 def data_scales(model: Model, campaign: Campaign) -> dict[str, float]:
@@ -28,12 +30,15 @@ def data_scales(model: Model, campaign: Campaign) -> dict[str, float]:
     Ranges are peak to peak, the geometric mean over the tests; a channel that never moves is left out. What a test can
     show lasts from its sampling interval :math:`\Delta t` to its length T: its scale of time is
     :math:`\sqrt{\Delta t \, T}`, the middle on a log scale. Where the initial value of a state is a parameter, the
-    scale of the state is among them.
+    scale of the state is among them. The scale of ``output`` is that of the first output.
     """
-    names = [TIME.name, *model.typical, *(channel.name for channel in _channels(model))]
+    first = [channel.name for channel in model.outputs[:1]]
+    names = [TIME.name, *model.typical, *first, *(channel.name for channel in _channels(model))]
     scales = {name: scale for name in names if (scale := _mean_range(model, campaign, name)) is not None}
     typical = {TIME.name: _TYPICAL_TIME, **model.typical}
     found = {name: scales[name] / value for name, value in typical.items() if name in scales}
+    if any(name in scales for name in first):
+        found[OUTPUT] = scales[first[0]] / _TYPICAL_OUTPUT
     return found | _state_scales(model, scales)
 
 

@@ -3,12 +3,12 @@
     python scripts/studies/diagnosis_measured.py [--data FOLDER] [--work FOLDER] [--seed 0]
 
 Damper: six sine tests of a magneto-rheological damper per coil current, spring and damper in parallel. Friction: sine
-strokes of a friction damper with play; an earthquake is held out. EMPS: position
-in, motor force out; inertia, viscous friction and an offset. Silverbox: a linear oscillator on the ten multisines,
-then pure simulation of the arrow, which no fit has seen. DMA: storage and loss modulus of a polymer at ten
-frequencies and 21 temperatures; one spring and one Maxwell branch. Table 4: do the estimates per frequency that Hackl
-et al. 2016 print agree with one another? There is no raw data of them. Sections that the work folder holds already
-are kept.
+strokes of a friction damper with play; an earthquake is held out. Battery: current pulses on a cell at nine charge
+states, a series resistance alone. Tanks: two, one below the other, which overflow, without that. EMPS: position in,
+motor force out; inertia, viscous friction and an offset. Silverbox: a linear oscillator on the ten multisines, then
+pure simulation of the arrow, which no fit has seen. DMA: storage and loss modulus of a polymer at ten frequencies and
+21 temperatures; one spring and one Maxwell branch. Table 4: do the estimates per frequency that Hackl et al. 2016 print
+agree with one another? There is no raw data of them. Sections that the work folder holds already are kept.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import f as fisher
 
+from diagnosis_measured_records import cell, overflow
 from mofit._typing import FloatArray
 from mofit.data import import_files
 from mofit.data.campaign import Measurement
@@ -287,7 +288,16 @@ READING = (
     "part in quadrature. Which effect causes it (a further relaxation time, a lag of the patch or of the transducer, "
     "dry friction) the numbers cannot tell; raw data can."
 )
-STUDIES = {"damper": damper, "friction": friction, "emps": emps, "silverbox": silverbox, "dma": dma, "table_4": table_4}
+STUDIES = {
+    "damper": damper,
+    "friction": friction,
+    "cell": partial(cell, reported=reported),
+    "overflow": partial(overflow, reported=reported),
+    "emps": emps,
+    "silverbox": silverbox,
+    "dma": dma,
+    "table_4": table_4,
+}
 
 
 def main() -> None:

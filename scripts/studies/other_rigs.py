@@ -19,15 +19,16 @@ the rig; where its largest size stays below that, the noise is lowered instead, 
 does not stand out even so is not counted. `mofit.diagnose` runs in a process of its own with a limit of wall time and
 sees neither label nor truth; seconds are its processor time, import, compilation and predictions included.
 
-A play with hysteresis is the mean of three plays. As it and the saturating drift had come out `unknown` (seeds 62 and
-70), the catalogue has a play of distributed width, and a drift of the output that settles: like them, or the same.
+A play with hysteresis is the mean of three plays. As it, the saturating drift and the load-dependent lag had come out
+`unknown` (seeds 62, 70 and 75), the catalogue has a play of distributed width, a drift of the output that settles and
+a lag that grows with the load: like them, or the same.
 
-Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group` and
-`several`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free records that
-no fit saw: of the same kind and within the amplitudes, a larger one, and of another kind of excitation; not without
-encoder, where the angle there is anyone's guess. Rows that the work folder holds already are kept. `--limit` takes that
-many campaigns at random; `--only` those that every text fits, of rig, excitation, noise, case and kind of case, as in
-`--only tyre "no encoder"`.
+Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group`,
+`several` and `partly`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free
+records that no fit saw: of the same kind and within the amplitudes, a larger one, and of another kind of excitation;
+not without encoder, where the angle there is anyone's guess. Rows that the work folder holds already are kept.
+`--limit` takes that many campaigns at random; `--only` those that every text fits, of rig, excitation, noise, case and
+kind of case, as in `--only tyre "no encoder"`.
 """
 
 from __future__ import annotations

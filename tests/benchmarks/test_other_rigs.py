@@ -20,7 +20,7 @@ from other_rigs_cases.score import intervals, right, row_of
 from other_rigs_cases.sensor import recorded, with_play
 from other_rigs_cases.strength import Specimen, strengthened
 
-UNIT, TIME = Reach(1.0, 1.0, 1.0, 1.0), np.arange(COUNT) * SAMPLE
+UNIT, TIME = Reach(1.0, 1.0, 1.0, 1.0, 1.0), np.arange(COUNT) * SAMPLE
 RNG = np.random.default_rng(0)
 
 
@@ -134,6 +134,16 @@ def test_an_effect_is_as_strong_as_asked():
     assert with_twice == pytest.approx(2 * found.gap, rel=1e-6)
 
 
+@pytest.mark.parametrize("knob", ["knee", "dead_band", "subharmonic", "load_lag"])
+def test_a_law_does_not_depend_on_the_records_beside(knob):
+    rng = np.random.default_rng(3)
+    rig, tests = RIGS["damper"], planned(rng, "sine", rolling=False, settled=False)
+    specimen, larger = Specimen(rig, rig.draw(rng), tests), replace(tests[0], name="larger", amplitude=3.0)
+    alone, beside = (specimen.records({knob: 0.3}, some, rng) for some in (tests, [*tests, larger]))
+    assert np.array_equal(alone, beside[:, :-1])
+    assert np.max(np.abs(alone - specimen.records({}, tests, rng))) > 0.02 * specimen.reach.output
+
+
 def test_every_cell_has_its_own_numbers_and_names():
     every = cells(1, 2)
     assert len({cell.numbers for cell in every}) == len({name_of(cell, 0) for cell in every}) == len(every)
@@ -147,6 +157,7 @@ def test_every_cell_has_its_own_numbers_and_names():
         ("group", ["second_branch", "delay"], ["relaxation", "lag or delay"], {"family"}),
         ("effect", ["second_branch"], ["relaxation"], set()),
         ("partly", ["sensor_lowpass"], ["lag or delay"], {"family", "refused"}),
+        ("partly", ["second_branch", "sensor_lowpass"], ["relaxation", "lag or delay"], {"family", "refused"}),
         ("unknown", [], [], {"refused", "unknown"}),
         ("none", [], [], {"quiet"}),
     ],

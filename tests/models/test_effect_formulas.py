@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_response import output, point, transfer
 from reference_response import response
+from scipy.integrate import solve_ivp
 
 from mofit.models import Channel, Equations, Model, build_system, find_effect, find_model, with_effects
 from mofit.parameters import Parameter
@@ -126,6 +127,24 @@ def test_low_pass_loses_gain_and_phase(lag, frequency):
     model = extended("kelvin_voigt_damper", "sensor_lowpass")
     ratio = transfer(model, {**DAMPER, "T_f": lag}, omega) / (500j * omega + 2e3)
     assert ratio == pytest.approx(1 / (1 + 1j * omega * lag), abs=2e-3 * omega * lag + 1e-12)
+
+
+def test_a_lag_that_grows_with_the_load_is_its_own_differential_equation():
+    time = np.arange(600) / 600
+    x = 0.01 * np.sin(2 * np.pi * 2 * time)
+    values = {"c": 1e5, "p": 0.0, "d": 0.0, "F_0": 0.0, "T_l": 0.01, "F_T": 700.0}
+    channels = {"displacement": x, "velocity": np.gradient(x, 1 / 600)}
+    found = output(extended("kelvin_voigt_damper", "load_dependent_lag"), values, channels, 1 / 600)
+
+    def force(t):
+        return 1e5 * 0.01 * np.sin(2 * np.pi * 2 * t)
+
+    exact = solve_ivp(
+        lambda t, f: (force(t) - f) / (0.01 * (1 + np.abs(force(t)) / 700)), (0, 1), [0.0], "RK45", time, rtol=1e-8,
+        atol=1e-6,
+    ).y[0]  # fmt: skip
+    assert np.max(np.abs(found - exact)) < 1.0
+    assert np.max(np.abs(1e5 * x - exact)) > 150
 
 
 @settings(max_examples=20)

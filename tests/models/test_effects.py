@@ -6,6 +6,7 @@ import pytest
 
 from mofit.models import Effect, Model, apart, build_system, incompatibility, with_effects
 from mofit.models.registry import effect_names, find_effect, find_model, model_names
+from mofit.simulation.ranges import scaled
 
 CONDITIONS = {
     "longitudinal_velocity": 60 / 3.6,
@@ -63,9 +64,12 @@ def test_every_effect_fits_some_model():
 def test_effect_at_points(model, effect, rng):
     """Nothing changes at neutral, something at typical size, and the slope by the size is what differences say."""
     base = find_model(model)
-    addition = apart(find_effect(effect), base)
+    plain = Point(base)
+    # as a diagnosis does, for an output of this size
+    _, outputs = plain(nominal(base), {state.name: 0.01 for state in base.states}, [0.03] * len(base.inputs))
+    addition = scaled(apart(find_effect(effect), base), {"output": max(abs(outputs[0]), 1e-3) / 1e3})
     extended = with_effects(base, addition)
-    plain, changed = Point(base), Point(extended)
+    changed = Point(extended)
     neutral = nominal(extended) | addition.neutral
     assert addition.size
     largest = 0.0

@@ -1,4 +1,4 @@
-"""The test rig: force variation per turn of wheel and drum, and the measuring chain."""
+"""The test rig: force variation per turn of wheel and drum, and errors of its sensors."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from collections.abc import Collection
 import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
-from mofit.models.filters import Washout, delay_time, delayed, lagged, washout_states, washout_time
 from mofit.models.library.steady_state import LOAD
-from mofit.models.model import SAMPLE_INTERVAL, TARGET_UNIT, TIME, Applied, Condition, Symbols
+from mofit.models.model import TIME, Condition, Symbols
 from mofit.parameters import PER_TEST, Parameter, powers
 
-#: how times and forces grow with the data: forces on a tyre with its load
-DURATION, FORCE = powers(time=1), (("force or vertical_force", 1.0),)
+#: how forces grow with the data: on a tyre with its load
+FORCE = (("force or vertical_force", 1.0),)
 
 
 def unknown_turn(suffix: str, of: str) -> tuple[Parameter, Parameter]:
@@ -213,47 +212,3 @@ class CrossTalk(Addition):
     def term(self, s: Symbols) -> ca.SX:
         """Share of the load that the lateral channel shows."""
         return s.chi_z * s.vertical_force
-
-
-class Delay(Effect):
-    r"""Output :math:`F(t - \tau)`: transmission, anti-alias filter, channels sampled one after another.
-
-    Negative: the input's channel lags behind. Fingerprint: phase proportional to f, whatever the speed.
-    """
-
-    name = "delay"
-    title = "delay of the measurement"
-    family = "lag or delay"
-    on = ("output",)
-    parameters = (
-        Parameter("tau_d", "s", -0.02, 0.05, 0.004, description="delay of the output", neutral=0.0, scales=DURATION),
-    )
-    states = washout_states(name, TARGET_UNIT)
-    conditions = (SAMPLE_INTERVAL,)
-
-    def apply(self, s: Symbols, value: ca.SX) -> Applied:
-        """Output, delayed."""
-        chain = Washout(s, self.states, value, delay_time(s, s.tau_d))
-        return chain.applied(delayed(chain, s.tau_d))
-
-
-class SensorLowpass(Effect):
-    r"""Output behind a first-order low-pass, :math:`T \dot F' = F - F'`: amplifier, filter, compliance of the hub.
-
-    Fingerprint: a delay :math:`T`, and a loss of gain with f².
-    """
-
-    name = "sensor_lowpass"
-    title = "low-pass of the sensor"
-    family = "lag or delay"
-    on = ("output",)
-    parameters = (
-        Parameter("T_f", "s", 0.0, 0.1, 0.005, description="time constant of the filter", neutral=0.0, scales=DURATION),
-    )
-    states = washout_states(name, TARGET_UNIT)
-    conditions = (SAMPLE_INTERVAL,)
-
-    def apply(self, s: Symbols, value: ca.SX) -> Applied:
-        """Output behind the filter."""
-        chain = Washout(s, self.states, value, s.T_f + washout_time(s))
-        return chain.applied(lagged(chain, s.T_f))

@@ -20,11 +20,15 @@ ONE, BROAD = (0.6,), tuple(np.geomspace(0.03, 30.0, 16))
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest deflection and rate of the rig without an effect, and the force of its spring there."""
+    """Largest deflection, rate and output of the rig without an effect, and the force of its spring there.
+
+    In the tests of the campaign: what they show of an effect, records held out show by the same law.
+    """
 
     deflection: float
     rate: float
     force: float
+    output: float
     duration: float
     """Of the campaign."""
 

@@ -14,6 +14,8 @@ from other_rigs_cases.excitation import COUNT, PERIODS
 
 #: verdicts that name a cause
 NAMING = ("effect", "group", "several", "partly")
+#: verdicts that may name more than one, as what the data cannot distinguish
+SEVERAL = ("group", "several", "partly")
 #: kinds of records held out, by the beginning of their names
 KINDS = ("same", "group", "other")
 #: kind of records by the kind of hold-out that a diagnosis tells
@@ -79,7 +81,7 @@ def intervals(shrinkage: Mapping[str, Any]) -> dict[str, list[float]]:
 def right(label: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, bool]:
     """What is right: that there is no gap, the cause as the first, its family, or that nothing is named."""
     naming, effects, families = row["verdict"] in NAMING, row["effects"], row["families"]
-    listed = families if row["verdict"] in ("several", "group") else families[:1]
+    listed = families if row["verdict"] in SEVERAL else families[:1]
     return {
         "quiet": row["verdict"] == "none",
         "first": naming and bool(effects) and effects[0] == label["effect"],

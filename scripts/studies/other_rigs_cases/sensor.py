@@ -40,7 +40,7 @@ def recorded(
     before = lead(tests)
     time = (np.arange(len(y)) - before * FINE) * STEP
     clock = time[:, None] + np.array([test.start for test in tests])
-    size = float(np.abs(y).max())
+    size = reach.output
     y = _disturbed(y, time, tests, knobs, size, rng)
     if rate := knobs.get("drift"):
         y = y * (1 + rate * clock / reach.duration)

@@ -22,7 +22,7 @@ WEAK, STRONG = 3.0, 10.0
 #: relative step of a parameter's derivative; rounds in which the size is found
 CHANGE, ROUNDS = 1e-3, 4
 #: records without an effect are simulated with these scales, which do not matter there
-NOTHING = Reach(1.0, 1.0, 1.0, 1.0)
+NOTHING = Reach(1.0, 1.0, 1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,8 @@ class Specimen:
         usual = rig.respond(lanes, bare, drive_of(tests * len(moved)), {})
         x, v = (np.abs(one[:, :count][:, self.dynamic]).max() for one in (usual.deflection, usual.rate))
         duration = max(test.start for test in tests) + COUNT * SAMPLE
-        self.reach = Reach(float(x), float(v), self.values[rig.stiffness] * float(x), duration)
+        y = np.abs(usual.output[:, :count][:, self.dynamic]).max()
+        self.reach = Reach(float(x), float(v), self.values[rig.stiffness] * float(x), float(y), duration)
         records = recorded(usual.output, tests * len(moved), {}, self.reach, np.random.default_rng(0))
         parts = np.split(records, len(moved), axis=1)
         self.level = LEVEL * float(np.median(np.ptp(parts[0][:, self.dynamic], axis=0)))
