@@ -88,7 +88,8 @@ def identify_cells(
     """
     default = settings.for_model(model).search == DEFAULT_SEARCH
     budget = settings.evaluations or (EVALUATIONS if default else None)
-    alone = replace(settings, over=(), laws={}, evaluations=budget)
+    limit = settings.time_limit and settings.time_limit / len(cells)  # one after the other
+    alone = replace(settings, over=(), laws={}, evaluations=budget, time_limit=limit)
     progress("conditions", 0, len(cells), "")
     if settings.dask is None or evaluations_of(model) is not None:
         ended = _here(cells, model, alone, parameters, until)
