@@ -174,6 +174,6 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     with explained(observed.problem):
         first = fit(model, starts)
     # the minimum may be stiffer than the start
-    model = model.at_steps_for(first.minimum.point[None])
+    model = model.at_steps_for(first.minimum.point[None], model.steps)
     found = fit(model, first.minimum.point[None]).without_tables()
     return replace(found, minimum=replace(found.minimum, members=first.minimum.members))

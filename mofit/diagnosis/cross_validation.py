@@ -83,7 +83,7 @@ def leave_out(
     points = minimise_each(without, starts, settings).points
     points = with_own_nuisances(model, points, tests, settings)
     # what is too stiff for the test that was left out shows there alone
-    return model.at_steps_for(points), points
+    return model.at_steps_for(points, model.steps), points
 
 
 @dataclass(frozen=True)

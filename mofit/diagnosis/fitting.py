@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.identification.widening import MOST, WORTH, beyond_ends
 from mofit.optimize import Minimum, RefineSettings
 
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
@@ -153,3 +154,21 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
+
+
+def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
+    """The fit in ranges of the effects' parameters wide enough for it; as it is where they are.
+
+    ``limit`` is that of `fit`.
+    """
+    for _ in range(MOST):
+        here, sides = found.hypothesis, found.minimum.at_bound
+        wider = here.wider(sides)
+        if wider is None:
+            break
+        starts = beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides)
+        again = fit(wider, starts, limit)
+        if found.minimum.value - again.minimum.value <= WORTH:
+            break
+        found = again
+    return found

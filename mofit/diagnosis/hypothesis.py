@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.integration import DIVERGED, clipped, stable, with_enough_steps, within
+from mofit.diagnosis.integration import DIVERGED, MOST_STEPS, clipped, stable, with_enough_steps, within
 from mofit.diagnosis.scoped_layout import ScopedLayout, labels_of
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
@@ -141,18 +143,22 @@ class Hypothesis:
     def linear(self, u: FloatArray) -> Linear:
         """Residual and Jacobian at points u (K, d)."""
         slope = np.nan_to_num(self.space.derivative(self.space.from_unit(u)))
-        joined = [np.concatenate([output[..., None], slopes], axis=-1) for output, slopes in self.outputs(u)]
-        bad = np.any([~within(test, DIVERGED, (1, 2, 3)) for test in joined], axis=0)
-        for test in joined:
-            test[bad] = 0.0
-        white = self.observed.whitened(joined)
-        slopes = self.layout.spread(white[..., 1:], self.observed.test) * slope[:, None, :]
+        columns = self.simulator.outputs_with_slopes(self.layout.full(u))
+        bad = np.any([~within(test, DIVERGED, (1, 2, 3)) for test in columns], axis=0)
+        if bad.any():
+            columns = [np.where(bad[:, None, None, None], 0.0, test) for test in columns]
+        white = self.observed.whitened(columns)
+        slopes = self.layout.spread(white[..., 1:], self.observed.test)
         root, mean = self.prior_rows
-        residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
+        # rows last in memory, as they come
+        jacobian = np.empty((len(u), len(self.space), white.shape[1] + len(root))).transpose(0, 2, 1)
+        np.multiply(slopes, -slope[:, None, :], out=jacobian[:, : white.shape[1]])
+        jacobian[:, white.shape[1] :] = -root
         # no step can be had from derivatives that diverged where the outputs did not
-        residual[bad | ~stable(slopes, axis=(1, 2))] = np.nan
-        prior = np.broadcast_to(-root, (len(u), *root.shape))
-        return Linear(residual, np.concatenate([-slopes, prior], axis=1))
+        bad |= ~stable(jacobian, axis=(1, 2))
+        residual = np.concatenate([self.observed.measured - white[..., 0], (mean - u) @ root.T], axis=1)
+        residual[bad] = np.nan
+        return Linear(residual, jacobian)
 
     def linear_parts(self, u: FloatArray) -> Iterator[Linear]:
         """`linear` at a few points at a time: rows of long tests fill the memory."""
@@ -169,11 +175,13 @@ class Hypothesis:
         """The hypothesis with so many integration steps per sampling interval."""
         return replace(self, simulator=self.simulator.with_steps(steps))
 
-    def at_steps_for(self, u: FloatArray) -> Hypothesis:
+    def at_steps_for(self, u: FloatArray, fewest: int = 1) -> Hypothesis:
         """The hypothesis with as many integration steps as points u (K, d) need for the noise of the tests.
 
-        Derivatives can diverge where outputs do not: those of a sharp dry friction do.
+        No fewer than ``fewest``: what was simulated with so many need not be again with fewer. Derivatives can diverge
+        where outputs do not: those of a sharp dry friction do.
         """
+        fewest = min(fewest, MOST_STEPS // 2)
 
         def rows(at: Simulator) -> FloatArray:
             found = replace(self, simulator=at).outputs(u)
@@ -183,7 +191,7 @@ class Hypothesis:
         def change(coarse: FloatArray, fine: FloatArray) -> float:
             return float(np.max(np.abs(fine - coarse)))
 
-        return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _OUTPUT_CHANGE)[0])
+        return replace(self, simulator=with_enough_steps(self.simulator, rows, change, _OUTPUT_CHANGE, fewest)[0])
 
 
 def hypothesis(observed: WhitenedData, discrepancies: Sequence[Discrepancy] = ()) -> Hypothesis:
@@ -203,7 +211,19 @@ def experiments_of(observed: WhitenedData, effects: Sequence[Effect]) -> Sequenc
     if not any(effect.inputs or effect.conditions for effect in effects):
         return problem.experiments
     model = with_effects(problem.model, *effects)
-    return [
-        experiment_data(model, measurement, analysis, settled=False)
-        for measurement, analysis in zip(problem.measurements, problem.signals, strict=True)
-    ]
+    known = _extended.setdefault(problem.experiments[0], {})
+    channels = (tuple(model.inputs), tuple(model.conditions), tuple(model.outputs))
+    signals, found = known.get(channels, ((), []))
+    if signals is not problem.signals:
+        found = [
+            experiment_data(model, measurement, analysis, settled=False)
+            for measurement, analysis in zip(problem.measurements, problem.signals, strict=True)
+        ]
+        known[channels] = problem.signals, found
+    return found
+
+
+#: Of a problem, by its first test, with which they go, and the channels and conditions read: tables are shared by test.
+_extended: WeakKeyDictionary[
+    ExperimentData, dict[Hashable, tuple[Sequence[SignalAnalysis], Sequence[ExperimentData]]]
+] = WeakKeyDictionary()

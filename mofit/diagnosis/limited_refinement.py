@@ -2,49 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import deque
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
-from mofit.errors import InputError
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
-#: Iterations after which it is asked which starts may still come down to the limit, and after twice as many again: most
-#: are near their end by then.
-_FIRST = 8
-#: Share of what a start lacks of the limit that a Newton step must promise, and a round gain: with less, hardly
-#: anything will change.
+#: Iterations before a start may be given up, and over which its pace is measured: rejected steps come in rows.
+_FIRST, _PACE = 2, 8
+#: Share of what a start lacks of the limit that a Newton step must promise, and the last iterations must have gained:
+#: with less, hardly anything will change.
 _HOPELESS = 0.05
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
     """The best minimum from starts (K, d) of the unit cube.
 
-    ``limit`` is the value that counts: a start far above it ends where a Newton step hardly gains anything.
+    ``limit`` is the value that counts: a start far above it ends where hardly anything changes.
 
     Raises
     ------
     InputError
         If no start can be evaluated.
     """
-    left, points = settings.max_iterations, np.clip(np.atleast_2d(starts), 0.0, 1.0)
-    before, found = np.full(len(points), np.inf), list[Minimum]()
-    iterations = min(_FIRST, left) if np.isfinite(limit) else left
-    while iterations and len(points):
-        refined = refine(evaluate, points, replace(settings, max_iterations=iterations))
-        found += merge(refined)
-        on = np.array([status == "limit" for status in refined.status])
-        on &= _may_win(refined.values, refined.gradients, refined.hessians, limit)
-        on &= before - refined.values > _HOPELESS * (refined.values - limit)
-        points, before = refined.points[on], refined.values[on]
-        left -= iterations
-        iterations = min(2 * iterations, left)
-    if not found:
-        raise InputError.of("diagnosis", "every start failed", "Check the model, or narrow the bounds")
-    return min(found, key=lambda one: one.value)
+    hopes = _Hopes(limit) if np.isfinite(limit) else None
+    return min(merge(refine(evaluate, starts, settings, go_on=hopes)), key=lambda one: one.value)
+
+
+class _Hopes:
+    """Which starts may still come down to a limit, asked once per iteration."""
+
+    def __init__(self, limit: float) -> None:
+        self.limit, self.iterations = limit, 0
+        self.before: deque[FloatArray] = deque(maxlen=_PACE)
+
+    def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
+        on = np.ones(len(values), dtype=bool)
+        if self.iterations >= _FIRST:
+            on &= _may_win(values, gradients, hessians, self.limit)
+        if len(self.before) == _PACE:
+            on &= self.before[0] - values > _HOPELESS * (values - self.limit)
+        self.before.append(values)
+        self.iterations += 1
+        return on
 
 
 def _may_win(values: FloatArray, gradients: FloatArray, hessians: FloatArray, limit: float) -> NDArray[np.bool_]:

@@ -113,7 +113,7 @@ def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
         if not _falls(observed, quieter):
             break
         observed, here = quieter, fitted.minimum.point[None]
-        fitted = fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here), here)
+        fitted = fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
     return observed
 
 

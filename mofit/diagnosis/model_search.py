@@ -255,7 +255,7 @@ def with_final_estimates(
 
     def again(fitted: Fitted) -> Fitted:
         here = fitted.minimum.point[None]
-        return fit(replace(fitted.hypothesis, observed=noisy).at_steps_for(here), here)
+        return fit(replace(fitted.hypothesis, observed=noisy).at_steps_for(here, fitted.hypothesis.steps), here)
 
     kept = {id(one) for one in (found.best, *reported)}
     models = [replace(one, fitted=again(one.fitted)) if id(one) in kept else one for one in found.models]

@@ -160,7 +160,7 @@ def _at_most(noise: FloatArray, left: FloatArray) -> FloatArray:
 def _again(fitted: Fitted, observed: WhitenedData) -> Fitted:
     """The same model fitted to the tests with another noise; the stages stay as they are."""
     here = fitted.minimum.point[None]
-    return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here), here)
+    return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
 
 
 def _validated(starts: Sequence[Fitted], best: Trial, rules: DiagnosisSettings, seed: int) -> Proposal | str:

@@ -10,14 +10,13 @@ from scipy.special import gammaln
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
-from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
 from mofit.diagnosis.gap_lines import beyond_noise
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
 from mofit.diagnosis.scoped_starts import with_best_values
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError, MofitError
-from mofit.identification.widening import MOST, WORTH, beyond_ends
 
 #: Grid points of an effect that a refit starts from, each twice: with the typical size no more than lanes.
 _GRID_STARTS = 3
@@ -150,7 +149,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = _in_wider_ranges(settled(_fitted(new, starts, limit), limit, with_stages))
+            found = in_wider_ranges(settled(_fitted(new, starts, limit), limit, with_stages), limit)
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -189,20 +188,6 @@ def _inside(new: Hypothesis, found: Fitted) -> FloatArray:
     return np.clip(new.space.to_unit(values), 0.0, 1.0)
 
 
-def _in_wider_ranges(found: Fitted) -> Fitted:
-    """The fit in ranges of the effects' parameters wide enough for it; as it is where they are."""
-    for _ in range(MOST):
-        here, sides = found.hypothesis, found.minimum.at_bound
-        wider = here.wider(sides)
-        if wider is None:
-            break
-        again = fit(wider, beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides))
-        if found.minimum.value - again.minimum.value <= WORTH:
-            break
-        found = again
-    return found
-
-
 def is_reliable(found: Fitted) -> bool:
     """Whether the minimum can be simulated with half the step, and its derivatives are those of a stable integration.
 
@@ -228,20 +213,24 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
         before, found = found, again(found)
         change = abs(found.minimum.value - before.minimum.value)
         gain = 2 * left * change
-        present = any(one.present_in_calibration for one in found.hypothesis.discrepancies)
-        if change < _TOLERANCE or not present:
+        if change < _TOLERANCE or not any(one.present_in_calibration for one in found.hypothesis.discrepancies):
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 
 
 def with_stages(fitted: Fitted) -> Fitted:
-    """The stages fitted again where the effects ended, those present in the stages' tests; then the model once more."""
-    model, best = fitted.hypothesis, fitted.minimum.point[None]
-    stages = model.observed.stages
+    """The stages fitted again where the effects ended, those present in the stages' tests; then the model once more.
+
+    It stays where it is if neither the stages nor the steps of its integration change.
+    """
+    model, best, stages = fitted.hypothesis, fitted.minimum.point[None], fitted.hypothesis.observed.stages
+    present = [one.present_in_calibration for one in model.discrepancies]
     discrepancies = [
-        stages.recalibrated(one, fitted.values) if one.present_in_calibration else one for one in model.discrepancies
+        stages.recalibrated(one, fitted.values) if here else one
+        for one, here in zip(model.discrepancies, present, strict=True)
     ]
-    return fit(replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best), best)
+    again = replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best, model.steps)
+    return fit(again, best) if any(present) or again.steps != model.steps else fitted
 
 
 def _best_points(added: ScoreTest) -> list[int]:

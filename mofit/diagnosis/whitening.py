@@ -111,10 +111,13 @@ class Whitening:
         scaled = np.moveaxis(used, -2, -1) / self.process.level
         if not self.periods:
             scaled = self._filter.apply(scaled)
-        lines = fft.rfft(scaled, axis=-1) * self._scale
-        # in the order of `_rows`, copied once: the constant has no imaginary part, nor has the last of an even count
-        parts = [lines.real, lines.imag[..., 1 : self.count - self.count // 2]]
-        return np.moveaxis(np.concatenate(parts, axis=-1), -1, -2)
+        lines, number = fft.rfft(scaled, axis=-1), self.count // 2 + 1
+        # in the order of `_rows`: the constant has no imaginary part, nor has the last of an even count
+        imaginary = slice(1, self.count - self.count // 2)
+        parts = np.empty((*lines.shape[:-1], len(self._rows)))
+        np.multiply(lines.real, self._scale, out=parts[..., :number])
+        np.multiply(lines.imag[..., imaginary], self._scale[imaginary], out=parts[..., number:])
+        return np.moveaxis(parts, -1, -2)
 
     def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
         """Rows of one signal (rows,) as complex lines (n // 2 + 1,)."""

@@ -20,6 +20,9 @@ Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points (N, d) of the unit cube to value (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
 EvaluateEach = Callable[[FloatArray, NDArray[np.int64]], tuple[FloatArray, FloatArray, FloatArray]]
 """The same where each start has a function of its own; the second argument (N,) names the start of each point."""
+GoOn = Callable[[FloatArray, FloatArray, FloatArray], NDArray[np.bool_]]
+"""Values (K,), gradients (K, d) and Hessians (K, d, d) after an iteration, of all starts: which are worth another one.
+The values of starts that cannot be evaluated are nan."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +72,17 @@ class _State:
     growth: FloatArray
     active: NDArray[np.bool_]
     converged: NDArray[np.bool_]
+    given_up: NDArray[np.bool_]
     representative: NDArray[np.int64]  # the start that a merged start shares its end with; itself for the others
     evaluations: int
 
 
 def refine(
-    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings | None = None, values: Values | None = None
+    evaluate: Evaluate,
+    starts: ArrayLike,
+    settings: RefineSettings | None = None,
+    values: Values | None = None,
+    go_on: GoOn | None = None,
 ) -> Refined:
     r"""Minimise a function from every start, all starts in one call per iteration.
 
@@ -94,6 +102,8 @@ def refine(
         Tolerances and limits.
     values
         The values alone, where derivatives cost far more: then these are taken only where a step is accepted.
+    go_on
+        Asked after every iteration; starts that are not worth another one end there, as at the limit of iterations.
 
     Raises
     ------
@@ -105,7 +115,7 @@ def refine(
     Nielsen: Damping parameter in Marquardt's method (1999). Nocedal, Wright: Numerical Optimization (2006), chapters 4,
     10 and 16.
     """
-    found = _minimise(lambda points, _: evaluate(points), starts, settings or RefineSettings(), values)
+    found = _minimise(lambda points, _: evaluate(points), starts, settings or RefineSettings(), values, go_on)
     if set(found.status) == {"failed"}:
         message = f"none of the {len(found.points)} start points could be evaluated"
         raise InputError.of("refine", message, "Check the model, or widen the search")
@@ -117,10 +127,16 @@ def minimise_each(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSet
     return _minimise(evaluate, starts, replace(settings, merge=None), None)
 
 
-def _minimise(evaluate: EvaluateEach, starts: ArrayLike, settings: RefineSettings, judge: Values | None) -> Refined:
+def _minimise(
+    evaluate: EvaluateEach,
+    starts: ArrayLike,
+    settings: RefineSettings,
+    judge: Values | None,
+    go_on: GoOn | None = None,
+) -> Refined:
     state = _begin(evaluate, np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), 0.0, 1.0), settings)
     for _ in range(settings.max_iterations):
-        state = _settle(state, settings)
+        state = _given_up(_settle(state, settings), go_on)
         if not state.active.any() or time.monotonic() > settings.until:
             break
         state = _advance(evaluate, state, settings, judge)
@@ -139,6 +155,7 @@ def _begin(evaluate: EvaluateEach, points: FloatArray, settings: RefineSettings)
         growth=np.full(count, 2.0),
         active=usable,
         converged=np.zeros(count, dtype=bool),
+        given_up=np.zeros(count, dtype=bool),
         representative=np.arange(count),
         evaluations=count,
     )
@@ -184,6 +201,14 @@ def _settle(state: _State, settings: RefineSettings) -> _State:
     near = stalled & (gain <= settings.stall_tolerance)
     settled = replace(state, active=state.active & ~there & ~stalled, converged=state.converged | there | near)
     return settled if settings.merge is None else _merged(settled, settings.merge)
+
+
+def _given_up(state: _State, go_on: GoOn | None) -> _State:
+    """Deactivate the starts that are not worth another iteration."""
+    if go_on is None:
+        return state
+    hopeless = state.active & ~go_on(state.values, state.gradients, state.hessians)
+    return replace(state, active=state.active & ~hopeless, given_up=state.given_up | hopeless)
 
 
 def _merged(state: _State, closeness: Closeness) -> _State:
@@ -244,7 +269,7 @@ def _result(state: _State, settings: RefineSettings) -> Refined:
     rules = {
         "failed": np.isnan(state.values),
         "merged": ends != np.arange(len(ends)),
-        "limit": state.active,
+        "limit": state.active | state.given_up,
         "stalled": state.damping > settings.most_damping,
     }
     return Refined(

@@ -13,7 +13,7 @@ from mofit._typing import FloatArray
 
 Status = Literal["converged", "merged", "stalled", "limit", "failed"]
 """How a start ended: ``converged``; ``merged`` (came close to a better one and shares its end); ``stalled`` (no step
-improves the value); ``limit`` (of iterations or time); ``failed`` (the start itself could not be evaluated)."""
+improves the value); ``limit`` (of iterations, time or hope); ``failed`` (the start itself could not be evaluated)."""
 Values = Callable[[FloatArray], FloatArray]
 """Points (N, d) of the unit cube to the negative log posterior (N,), nan where it fails."""
 

@@ -16,7 +16,8 @@ from mofit.simulation.compiler.machine import Code, kept
 from mofit.simulation.compiler.program import LANE, Program, Split, contract, trace
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
-from mofit.simulation.time_grid import StepLevel, TimeGrid, build_time_grid, find_switches
+from mofit.simulation.step_points import StepPoints, step_points
+from mofit.simulation.time_grid import StepLevel
 
 #: steps whose part of a table is made at once
 _PART = 20_000
@@ -80,35 +81,30 @@ class Kernel:
 
     def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
         """The table of a test for the parameters that all lanes share."""
-        switches = find_switches(self.system, experiment.origin or experiment)
-        # before grid and rows are there: making the curve of the inputs takes several times its memory
-        first = experiment.at(np.zeros(1))[:, 0]
-        shared = {"first": first, "fixed": fixed, "condition": experiment.conditions}
-        grid = build_time_grid(experiment, level, switches)
-        begins = np.zeros(len(grid.start), dtype=bool)
-        begins[np.cumsum(grid.counts) - grid.counts] = True
-        constant, rows = self._evaluated(self.sample, experiment, grid, begins, shared)
+        points = step_points(self.system, experiment, level)
+        shared = {"first": points.first, "fixed": fixed, "condition": experiment.conditions}
+        constant, rows = self._evaluated(self.sample, experiment, points, points.begins, shared)
         more, substep_rows = np.empty(0), np.empty((0, 0))
-        if not begins.all():
-            more, substep_rows = self._evaluated(self.substep, experiment, grid, ~begins, shared)
+        if not points.evenly:
+            more, substep_rows = self._evaluated(self.substep, experiment, points, ~points.begins, shared)
         experiment.forget_curves()
-        return Table(np.concatenate([constant, more]), rows, grid.counts - 1, substep_rows)
+        return Table(np.concatenate([constant, more]), rows, points.counts - 1, substep_rows)
 
     def _evaluated(
         self,
         split: Split,
         experiment: ExperimentData,
-        grid: TimeGrid,
+        points: StepPoints,
         which: NDArray[np.bool_],
         shared: Mapping[str, FloatArray],
     ) -> tuple[FloatArray, FloatArray]:
-        """Constant values and rows of the table, for some steps of a grid; ``shared`` is the same in all of them."""
+        """Constant values and rows of the table, for some of the steps; ``shared`` is the same in all of them."""
         cut, steps = len(split.constant), np.flatnonzero(which)
         constant, rows = np.empty(cut), np.empty((len(steps), sum(map(len, split.table.outputs)) - cut))
         # in parts, because the points take several times the memory of the table
         for first in range(0, len(steps), _PART):
             part = steps[first : first + _PART]
-            values = self._part(split, experiment, grid.start[part], grid.end[part], shared)
+            values = self._part(split, experiment, points, part, shared)
             constant, rows[first : first + _PART] = values[:cut, 0].copy(), values[cut:].T
         return constant, rows
 
@@ -116,24 +112,22 @@ class Kernel:
         self,
         split: Split,
         experiment: ExperimentData,
-        start: FloatArray,
-        end: FloatArray,
+        points: StepPoints,
+        part: NDArray[np.intp],
         shared: Mapping[str, FloatArray],
     ) -> FloatArray:
         """Values of the table, one per column, for some of the steps."""
-        count, length = len(start), end - start
+        count = len(part)
 
         def everywhere(name: str) -> FloatArray:
             return np.broadcast_to(shared[name][:, None], (len(shared[name]), count))
 
         # values of a lane, "free" and "state", are never read
-        points: dict[str, Callable[[], FloatArray]] = {
-            "input": lambda: np.concatenate(
-                [experiment.during(start, end if node == 1 else start + node * length) for node in self.scheme.nodes]
-            ),
-            "input_rate": lambda: experiment.derivative(start),
+        given: dict[str, Callable[[], FloatArray]] = {
+            "input": lambda: points.inputs_of(experiment, part),
+            "input_rate": lambda: experiment.derivative(points.start[part]),
             **{name: partial(everywhere, name) for name in shared},
-            "h": lambda: length[None],
+            "h": lambda: points.length[None, part],
         }
         read, none = split.table.inputs, np.empty((0, count))
-        return evaluate(split.table, [points[name]() if i in read else none for i, name in enumerate(GRAPH_INPUTS)])
+        return evaluate(split.table, [given[name]() if i in read else none for i, name in enumerate(GRAPH_INPUTS)])

@@ -81,13 +81,13 @@ def _lane_counts(shape: Shape) -> tuple[int, int]:
     """Lanes of a small and of a large block: enough to hide latency, as few as registers suffice for.
 
     A step is a chain of dependent operations. Without derivatives two registers side by side take no longer
-    than one, and four little longer; with many sums to carry along, four spill more than they hide.
+    than one, and four little longer; with many sums to carry along there is enough to do beside, and two spill.
     """
     width = host().width
     if not shape.derivatives:
         return 2 * width, 4 * width
     carried = shape.states * shape.columns + shape.sums
-    return width, 4 * width if carried <= _FEW_CARRIED else 2 * width
+    return width, 4 * width if carried <= _FEW_CARRIED else width
 
 
 def _room(shape: tuple[int, ...], lanes: int) -> FloatArray:
@@ -117,12 +117,12 @@ class Scheduler:
         self._order = free_first(system.parameters, free)
         self._one_loop, self._fixed_per_lane = one_loop, fixed_per_lane
         self._kernels: dict[KernelKey, Kernel] = {}
-        self._tables = TableCache()
+        self._tables = TableCache[Table]()
 
     def without_tables(self) -> Scheduler:
         """The same, compiled code shared, with no tables yet."""
         other = copy.copy(self)
-        other._tables = TableCache()
+        other._tables = TableCache[Table]()
         return other
 
     def reduced(
@@ -146,7 +146,9 @@ class Scheduler:
         """Outputs (those that are kept) and their derivatives, (N, n, ny, 1 + nf) per test."""
         columns = self._shape(derivatives).columns
         count = len(range(len(self.system.outputs))[kept])
-        result = [np.full((len(p), experiment.recorded, count, columns), np.nan) for experiment in experiments]
+        # samples last in memory: what follows works along them
+        shapes = [(len(p), count, columns, experiment.recorded) for experiment in experiments]
+        result = [np.full(shape, np.nan).transpose(0, 3, 1, 2) for shape in shapes]
         for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
             result[test][rows] = values[experiments[test].lead :, :, kept].transpose(3, 0, 2, 1)
         return result

@@ -161,10 +161,14 @@ class Simulator:
         With a fixed number of steps each test may have its own sets: ``p`` is (N, T, np). Then results are not to be
         changed: the last ones are given again.
         """
-        return [(values[..., 0], values[..., 1:]) for values in self._slopes(self._checked(p))]
+        return [(values[..., 0], values[..., 1:]) for values in self.outputs_with_slopes(p)]
 
-    def _slopes(self, p: FloatArray) -> list[FloatArray]:
-        """Outputs and slopes of checked sets; where a minimum is judged, they are asked for again and again."""
+    def outputs_with_slopes(self, p: ArrayLike) -> list[FloatArray]:
+        """The `sensitivities` of every test in one array, the outputs first, (N, n, ny, 1 + nf).
+
+        Where a minimum is judged, they are asked for again and again: the last ones are kept.
+        """
+        p = self._checked(p)
         if not self.steps:
             return self._stored(p, derivatives=True)
         key = (self.experiments, self.steps, p.shape, p.tobytes())

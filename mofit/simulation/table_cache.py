@@ -1,13 +1,12 @@
-"""The tables of all kernels of the process, kept for the next call within one budget of memory."""
+"""The tables of all kernels of the process, and what they are made of, kept within one budget of memory."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Set
 from itertools import count
 from threading import Lock
+from typing import Any, Generic, Protocol, TypeVar
 from weakref import WeakSet
-
-from mofit.simulation.kernel import Table
 
 #: bytes of tables that are kept; the usual campaign needs less
 KEPT_BYTES = 5e7
@@ -16,16 +15,27 @@ _lock = Lock()
 _calls = count()
 
 
-class TableCache:
-    """The tables of one scheduler; they go with it, or when another one needs the room."""
+class Kept(Protocol):
+    """What takes memory."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that it takes."""
+
+
+T = TypeVar("T", bound=Kept)
+
+
+class TableCache(Generic[T]):
+    """The tables of one scheduler, say; they go with it, or when another one needs the room."""
 
     def __init__(self) -> None:
         #: table and number of its last use, the longest unused first
-        self._kept: dict[Hashable, tuple[Table, int]] = {}
+        self._kept: dict[Hashable, tuple[T, int]] = {}
         self._bytes = 0
         _caches.add(self)
 
-    def table(self, name: Hashable, make: Callable[[], Table], used: Set[Hashable]) -> Table:
+    def table(self, name: Hashable, make: Callable[[], T], used: Set[Hashable]) -> T:
         """The table of that name, made if it is not there, and kept where there is room.
 
         Tables of this cache that the present call has ``used`` stay: where all do not fit, the next call finds
@@ -58,7 +68,7 @@ class TableCache:
         return freed
 
 
-_caches: WeakSet[TableCache] = WeakSet()
+_caches: WeakSet[TableCache[Any]] = WeakSet()
 
 
 def drop_tables() -> None:
@@ -68,7 +78,7 @@ def drop_tables() -> None:
             cache.clear()
 
 
-def _room_for(needed: int, own: TableCache, used: Set[Hashable]) -> bool:
+def _room_for(needed: int, own: TableCache[Any], used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
     caches = list(_caches)
     room = KEPT_BYTES - sum(cache._bytes for cache in caches)

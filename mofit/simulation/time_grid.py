@@ -107,7 +107,7 @@ def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArra
     Only switches that inputs and conditions decide alone: they are the same for all parameter
     sets. A step across a kink would be of second order only.
     """
-    known, program = _switches.setdefault(experiment, {}), _switch_program(system)
+    known, program = _switches.setdefault(experiment, {}), switch_program(system)
     if program not in known:
         known[program] = _find(program, experiment)
         experiment.forget_curves()
@@ -160,7 +160,7 @@ def _separate(low: FloatArray, high: FloatArray, step: float) -> tuple[FloatArra
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _switch_program(system: System) -> Program:
+def switch_program(system: System) -> Program:
     """The functions of inputs and conditions whose sign decides a branch, as one output."""
     x, u, p, c = system.rhs.sx_in()
     everything = ca.densify(ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c)))

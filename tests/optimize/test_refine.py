@@ -209,3 +209,20 @@ def test_with_values_derivatives_are_taken_where_a_step_is_accepted_alone():
     np.testing.assert_array_equal(judged.points, whole.points)
     assert judged.evaluations == whole.evaluations > len(derived)
     assert np.all(np.diff(problem.evaluate(np.array(derived))[0]) < 0)
+
+
+def test_a_start_that_is_given_up_ends_where_it_is_and_the_others_go_on():
+    """Of two starts the one at the larger value is given up at once."""
+    rosenbrock = next(one for one in PROBLEMS if one.name == "rosenbrock")
+    starts, asked = np.array([[0.1, 0.9], [0.6, 0.6]]), []
+
+    def go_on(values, gradients, hessians):
+        asked.append(values)
+        return values < np.max(asked[0])
+
+    found = refine(rosenbrock.evaluate, starts, go_on=go_on)
+    worse = int(np.argmax(asked[0]))
+    assert found.status[worse] == "limit"
+    assert found.status[1 - worse] == "converged"
+    np.testing.assert_array_equal(found.points[worse], starts[worse])
+    assert found.values[1 - worse] == pytest.approx(0.0, abs=1e-6)

@@ -5,6 +5,7 @@ import pytest
 from kernel_models import RELAXATION, STATIC, TYRE, sine_experiment, tyre_experiment
 
 from mofit.simulation.integrators import RK4, RODAS4
+from mofit.simulation.step_points import step_points
 from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
 
 NONE = (np.empty(0), np.empty(0))
@@ -76,3 +77,14 @@ def test_implicit_steps_start_small():
     grid = build_time_grid(experiment, StepLevel(RODAS4, 2), NONE)
     assert grid.end[0] < 1e-6 * experiment.step
     assert np.all(grid.counts[1:] == 2)
+
+
+def test_models_that_switch_alike_share_the_points_of_a_test():
+    experiment, level = tyre_experiment(3.3, 60), StepLevel(RK4, 2)
+    points = step_points(TYRE, experiment, level)
+    assert step_points(TYRE, experiment, level) is points
+    assert step_points(TYRE, tyre_experiment(3.3, 60), level) is not points
+    some = np.array([0, 5, 7])
+    ends = points.start[some] + points.length[some]
+    expected = [experiment.at(time) for time in (points.start[some], (points.start[some] + ends) / 2, ends)]
+    np.testing.assert_allclose(points.inputs_of(experiment, some), np.concatenate(expected), atol=1e-12)
