@@ -140,6 +140,7 @@ def design(
     budget: str | None = None,
     robust: str = "mean",
     ignore_existing_tests: bool = False,
+    target: tuple[str, ...] = (),
     at: At = (),
     run: FromRun = None,
     samples: Samples = 8,
@@ -181,6 +182,9 @@ def design(
         What counts over the parameter samples: mean (of the criterion's logarithm) or worst.
     ignore_existing_tests
         Start from the calibration stages alone, as if FILE had no other tests.
+    target
+        Condition under which the parameters are to be known, NAME=VALUE in SI units; repeatable. Of a --run whose
+        parameters follow laws; conditions that are not named are in the middle of their ranges.
     plan
         Plan file to write the design into, for `mofit simulate`.
     """
@@ -188,14 +192,17 @@ def design(
     from mofit.experimental_design.summary import design_summary
     from mofit.workflows.planning import design as designed
 
-    values, weights, threads = by_name("--at", at), by_name("--combination", combination), cores(jobs)
+    values, weights, aim = (
+        by_name(*one) for one in (("--at", at), ("--combination", combination), ("--target", target))
+    )
+    threads = cores(jobs)
     with _files({"--plan": plan, "--out": out}, force, [*files, *([space] if space else [])]):
         with progress_bar() as progress, ended_in(time_limit):
             proposal = designed(
                 files, space=space, model=model, effects=effect, parameters=parameter, criterion=criterion,
                 combination=weights, discriminate=discriminate, budget=budget, robust=robust,
-                ignore_existing_tests=ignore_existing_tests, at=values, run=run, samples=samples, seed=seed,
-                jobs=threads, simulations=simulations, timeout=seconds("--timeout", timeout), dask=dask,
+                ignore_existing_tests=ignore_existing_tests, target=aim, at=values, run=run, samples=samples,
+                seed=seed, jobs=threads, simulations=simulations, timeout=seconds("--timeout", timeout), dask=dask,
                 progress=progress,
             )  # fmt: skip
         summary = design_summary(proposal)

@@ -80,7 +80,8 @@ class Criterion:
     name: str
     """One of `CRITERIA`."""
     weights: FloatArray
-    """Chosen parameters, shape (k, d): unit rows for D, A and E; one row of weights of relative changes for c."""
+    """Chosen parameters, shape (k, d), or (N, k, d) by sample: unit rows for D, A and E; one row of weights of relative
+    changes for c."""
     aggregate: str = "mean"
     """Over the parameter samples: ``mean`` of the logarithm, or the ``worst``."""
     #: Whether larger shown values are better.
@@ -90,7 +91,7 @@ class Criterion:
         """Logarithm of the criterion, shape (...), from relative precisions (..., N, d, d)."""
         usable = np.asarray(np.isfinite(precision).all(axis=(-2, -1)))
         safe = np.where(usable[..., None, None], precision, np.eye(precision.shape[-1]))
-        columns = np.broadcast_to(self.weights.T, (*safe.shape[:-1], len(self.weights)))
+        columns = np.broadcast_to(np.swapaxes(self.weights, -1, -2), (*safe.shape[:-1], self.weights.shape[-2]))
         covariance = self.weights @ np.linalg.solve(safe, columns)
         return over_samples(np.where(usable, _log_value(self.name, covariance), np.nan), self.aggregate)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from mofit.data import Campaign, Experiment
 from mofit.errors import InputError, Issue, did_you_mean, raise_errors
@@ -15,6 +16,7 @@ from mofit.experimental_design.optimal_design import Design, DesignEvaluation, o
 from mofit.experimental_design.prepare import Inputs, Prepared, prepare, with_simulators
 from mofit.experimental_design.simulations_needed import require_simulations
 from mofit.experimental_design.sources import Source
+from mofit.experimental_design.target import target_of
 from mofit.models import Effect, Model, find_effect, laws_of
 from mofit.runtime.files import write_text
 from mofit.runtime.output_file import PLAN_MARK
@@ -48,6 +50,8 @@ class DesignJob:
     """``mean`` or ``worst`` over the parameter samples."""
     ignore_existing: bool = False
     """Whether to start from the calibration stages alone."""
+    target: Mapping[str, float] = field(default_factory=dict)
+    """Conditions, in SI units, under which the parameters are to be learnt; laws of a run say what they are there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,8 @@ def design_file(job: DesignJob, progress: Progress = silent) -> Proposal:
     if len(job.discriminate) > 2:
         raise InputError.of("--discriminate", f"{len(job.discriminate)} effects", "Name one or two")
     effects = tuple(find_effect(name) for name in job.discriminate)
+    if job.target and effects:
+        raise InputError.of("--target", "is for parameters, not for effects", "Leave it or --discriminate out")
     progress("read", 0, 0, "")
     written = read_space(job.space) if job.space else None
     with with_simulators(replace(job.inputs, together=True)) as inputs:
@@ -88,12 +94,15 @@ def _designed(job: DesignJob, written: Space | None, effects: Sequence[Effect], 
     else:
         overhead, _ = parse_quantity("space, overhead", written.overhead, "s")
     budget, notes = _budget(job.budget, source, overhead)
-    space = written or _default_space(prepared, budget, overhead)
+    named = (*job.parameters, *job.combination)
+    target = target_of(source.model, source.space, prepared.samples, job.target, named) if job.target else None
+    space = written or _default_space(prepared, budget, overhead, job.target)
     limits = declared_limits(space.limits, source.model)
     plans = space.plans()
     _require_conditions(plans, source.model)
     offered = candidates(base.model_copy(update={"effects": ()}), plans, limits, overhead)
     nuisances = {*source.calibrated, *(parameter.name for effect in effects for parameter in effect.parameters)}
+    nuisances |= {*target.coefficients} if target else set()
     every = source.space.names
     names = job.parameters or tuple(job.combination) or tuple(name for name in every if name not in nuisances)
     criterion: Criterion | Discrimination
@@ -102,13 +111,13 @@ def _designed(job: DesignJob, written: Space | None, effects: Sequence[Effect], 
     else:
         name = job.criterion or ("c" if job.combination or len(job.parameters) == 1 else "D")
         criterion = parameter_criterion(name, every, names, job.combination, job.robust)
+        criterion = criterion if target is None else replace(criterion, weights=criterion.weights @ target.rows)
     allowed = sum(not candidate.infeasible for candidate in offered)
     require_simulations(source.model, len(source.tests) + allowed, len(prepared.samples), planned=allowed)
     evaluation = DesignEvaluation(prepared.information(), criterion, job.ignore_existing, prepared.jobs)
-    found = optimal_design(evaluation, offered, limits, names, budget, progress)
-    return Proposal(
-        job, tuple(effect.name for effect in effects), found, space, _plan(base, found), (*source.notes, *notes)
-    )
+    found = optimal_design(evaluation, offered, limits, names, budget, progress, target)
+    notes = [*source.notes, *notes, *(target.notes if target else ())]
+    return Proposal(job, tuple(effect.name for effect in effects), found, space, _plan(base, found), tuple(notes))
 
 
 def write_plan(proposal: Proposal, path: Path) -> None:
@@ -131,7 +140,7 @@ def _budget(given: Quantity | None, source: Source, overhead: float) -> tuple[fl
     return budget, []
 
 
-def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:
+def _default_space(prepared: Prepared, budget: float, overhead: float, target: Mapping[str, float]) -> Space:
     """Tests within what the file's tests demonstrate; a calibration stage's kinds but steps belong to the stage."""
     model, driven = prepared.source.model, driven_input(prepared.source.model)
     known = [test.experiment for test in prepared.source.tests if driven.name in test.experiment.inputs]
@@ -141,18 +150,25 @@ def _default_space(prepared: Prepared, budget: float, overhead: float) -> Space:
         raise InputError.of(f"FILE {prepared.source.name}", message, cure)
     taken = {kind for stage in model.stages for kind in stage.excitations} - {"step"}
     kinds = {"sine", "multisine", "chirp", "step"} - taken
-    conditions = over_conditions(model, [test.experiment for test in prepared.source.tests])
+    conditions = over_conditions(model, [test.experiment for test in prepared.source.tests], target)
     measured = isinstance(prepared.content, Campaign)
     return default_space(known, driven, kinds, budget, overhead, measured=measured, conditions=conditions)
 
 
-def over_conditions(model: Model, experiments: Sequence[Experiment]) -> dict[str, list[float]]:
-    """Of every condition over which parameters follow laws the values of the tests, or least, middle and largest."""
+def over_conditions(
+    model: Model, experiments: Sequence[Experiment], target: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, list[float]]:
+    """Of every condition over which parameters follow laws the values of the tests, or least, middle and largest.
+
+    With a target within their range that, too: beyond, the tests do not show that it can be had.
+    """
     found = {}
     for name in dict.fromkeys(law.condition for law in laws_of(model)):
         values = sorted({float(one.conditions[name]) for one in experiments if name in one.conditions})
         count = len(values)
         found[name] = values if count <= MOST_VALUES else [values[0], values[count // 2], values[-1]]
+        if name in target and values and values[0] < target[name] < values[-1]:
+            found[name] = sorted({*found[name], float(target[name])})
     return found
 
 

@@ -21,6 +21,7 @@ from mofit.experimental_design.information import (
     candidate_information,
     estimator_precision,
 )
+from mofit.experimental_design.target import Target
 from mofit.runtime.progress import Progress, silent
 
 
@@ -79,6 +80,10 @@ class Design:
     """Relative standard deviations without one of the design's tests, over those with all of them, (tests, k)."""
     pareto: tuple[ParetoPoint, ...]
     """Best designs for less time."""
+    target: Target | None
+    """The conditions under which the parameters shown are meant."""
+    relative_sd: tuple[FloatArray, FloatArray]
+    """Relative standard deviations of the parameters shown without and with the design, (N, k)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +151,13 @@ class DesignEvaluation:
         precision = estimator_precision(self.existing + more) / self.factor
         return identifiability(precision, self.known.samples, self.known.source.space)
 
-    def relative_sd(self, more: FloatArray) -> FloatArray:
-        """Relative standard deviations (..., N, d) with more tests, the bounds taken as Gaussian: for rankings."""
+    def relative_sd(self, more: FloatArray, rows: FloatArray) -> FloatArray:
+        """Relative standard deviations (..., N, k) of what rows (N, k, d) weight relative changes to, with more tests.
+
+        The bounds are taken as Gaussian: for rankings.
+        """
         covariance = np.linalg.inv(estimator_precision(self.existing + more) + self.box)
-        return np.asarray(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)))
+        return np.asarray(np.sqrt(np.sum((rows @ covariance) * rows, axis=-1)))
 
     def information(self, tests: Sequence[Candidate], periods: int | None = None) -> Information:
         """Information of candidates per relative change; see `candidate_information`."""
@@ -185,11 +193,12 @@ def optimal_design(
     names: Sequence[str],
     budget: float,
     progress: Progress = silent,
+    target: Target | None = None,
 ) -> Design:
     """Find the best tests.
 
     Candidates whose output would exceed the rig's limits are infeasible. The uncertainty of the named parameters is
-    shown. The budget is the time there is [s].
+    shown, under the conditions of a target. The budget is the time there is [s].
 
     Raises
     ------
@@ -218,12 +227,14 @@ def optimal_design(
     chosen = tuple((checked[i], times) for i, times in Counter(best.members).items())
     exact = evaluation.information([candidate for candidate, _ in chosen])
     times = np.array([float(number) for _, number in chosen])
-    places = [known.source.space.index(name) for name in names]
+    rows = _rows(evaluation, names, target)
+    none = np.zeros_like(found.estimator[0])
     whole = np.tensordot(times, exact.estimator, axes=1)
     fewer = np.tensordot(times - np.diag(times), exact.estimator, axes=1)
     total = evaluation.start + np.tensordot(times, evaluation.contribution(exact), axes=1)
-    ratio = evaluation.relative_sd(fewer) / evaluation.relative_sd(whole)
-    single_sd = np.moveaxis(evaluation.relative_sd(found.estimator)[..., places], 1, -1)
+    before, after = (evaluation.relative_sd(more, rows) for more in (none, whole))
+    ratio = evaluation.relative_sd(fewer, rows) / after
+    single_sd = np.moveaxis(evaluation.relative_sd(found.estimator, rows), 1, -1)
     return Design(
         known=known,
         criterion=criterion,
@@ -232,12 +243,21 @@ def optimal_design(
         tests=chosen,
         seconds=best.seconds,
         exhaustive=best.exhaustive,
-        before=evaluation.identifiability(np.zeros_like(found.estimator[0])),
+        before=evaluation.identifiability(none),
         after=evaluation.identifiability(whole),
         value_before=criterion.shown(float(evaluation.objective(evaluation.start))),
         value_after=criterion.shown(float(evaluation.objective(total))),
         singles=np.array([criterion.shown(pool.value((i,))) if usable[i] else np.nan for i in range(len(checked))]),
         single_sd=np.where(usable[:, None], sd_over_samples(single_sd, criterion.aggregate), np.nan),
-        without=np.median(ratio[..., places], axis=1),
+        without=np.median(ratio, axis=1),
         pareto=tuple(pareto),
+        target=target,
+        relative_sd=(before, after),
     )
+
+
+def _rows(evaluation: DesignEvaluation, names: Sequence[str], target: Target | None) -> FloatArray:
+    """Relative changes of the parameters shown by those of all, (N, k, d)."""
+    space, count = evaluation.known.source.space, len(evaluation.known.samples)
+    every = np.broadcast_to(np.eye(len(space)), (count, len(space), len(space))) if target is None else target.rows
+    return every[:, [space.index(name) for name in names]]

@@ -9,7 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign, Experiment
-from mofit.data.signals import NoiseProcess, noise_process
+from mofit.data.signals import NoiseProcess, noise_process, repeats
 from mofit.errors import Issue, did_you_mean, raise_errors
 from mofit.experimental_design.noise_model import DEFAULT_NOISE, ChannelNoise, MeasuredNoise, NoiseModel, channel_noise
 from mofit.experimental_design.planned_tests import DesignTest, groups, in_group, planned_tests
@@ -161,8 +161,8 @@ def _measured(problem: Problem, number: int, experiments: Sequence[Experiment], 
                 continue
             simulated = outputs[0, used, i]
             time = np.asarray(data.step * np.flatnonzero(used))
-            if number == 0 and (record.period is None or record.periods < 2):
-                # the residual of a record that does not repeat holds the model discrepancy as well
+            if number == 0 and (record.period is None or not repeats(len(time) * data.step / record.period)):
+                # the residual of samples that do not repeat holds the model discrepancy as well
                 noises.append(ChannelNoise(sd=record.noise_sd[channel.name]))
             else:
                 residual = data.measured[used, i] - simulated

@@ -11,9 +11,9 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.experimental_design.comparison_result import Comparison, ParameterResult
-from mofit.experimental_design.criteria import ENOUGH, sd_over_samples
+from mofit.experimental_design.criteria import ENOUGH, scales, sd_over_samples
 from mofit.experimental_design.design_job import Proposal
-from mofit.experimental_design.identifiability import IDENTIFIABLE
+from mofit.experimental_design.identifiability import COMBINATION, IDENTIFIABLE, NOT, is_identifiable
 from mofit.experimental_design.information import SourceInformation
 from mofit.experimental_design.optimal_design import Design
 
@@ -101,6 +101,7 @@ def design_summary(proposal: Proposal) -> dict[str, Any]:
             "name": found.criterion.name,
             "of": list(proposal.effects or job.combination or found.names),
             "combination": dict(job.combination),
+            "target": _target(found),
             "robust": job.robust,
             **_values(proposal, parameters),
         },
@@ -165,7 +166,52 @@ def _ranked(found: Design) -> list[int]:
     return [int(i) for i in np.argsort(values) if np.isfinite(values[i])]
 
 
+def _target(found: Design) -> dict[str, Any] | None:
+    if found.target is None:
+        return None
+    return {name: {"value": value, "unit": found.target.units[name]} for name, value in found.target.conditions.items()}
+
+
+def _at_target(found: Design, name: str) -> dict[str, Any]:
+    """Of a parameter under the conditions of the target; by its laws a design has no bounds there."""
+    known, target = found.known, found.target
+    assert target is not None
+    place, k = known.source.space.index(name), found.names.index(name)
+    size, (before, after) = target.size[:, place], (own[:, k] for own in found.relative_sd)
+    share = (
+        np.abs(target.rows[:, place, place])
+        * known.derivative[:, place]
+        / scales(known.source.space, known.samples)[:, place]
+    )
+    alone = share * found.after.conditional_sd[:, place]
+
+    def over(values: FloatArray) -> float:
+        return float(sd_over_samples(values, found.criterion.aggregate))
+
+    def verdict(relative: FloatArray) -> str:
+        for sd, said in ((relative, IDENTIFIABLE), (alone, COMBINATION)):
+            if np.mean(is_identifiable(sd, 1.0)) > 0.5:
+                return said
+        return NOT
+
+    return {
+        "sd": over(after * size),
+        "sd_before": over(before * size),
+        "sd_at_values": float(after[0] * size[0]),
+        "relative_sd": over(after),
+        "relative_sd_before": over(before),
+        "low": float(after.min()),
+        "high": float(after.max()),
+        "conditional_sd": over(alone * size),
+        "verdict": verdict(after),
+        "verdict_before": verdict(before),
+        "unit": known.source.space[name].unit,
+    }
+
+
 def _parameter(found: Design, name: str) -> dict[str, Any]:
+    if found.target is not None:
+        return _at_target(found, name)
     known = found.known
     place = known.source.space.index(name)
 

@@ -121,7 +121,7 @@ def value_text(design: Mapping[str, Any], value: float) -> str:
 def criterion_text(design: Mapping[str, Any]) -> str:
     """The criterion of a design, its value before and after."""
     own = design["criterion"]
-    of = ", ".join(own["of"])
+    of = ", ".join(own["of"]) + target_text(design)
     what = {
         "T": f"Noncentrality of the test between {of}" if len(own["of"]) > 1 else f"Noncentrality of the test for {of}",
         "c": f"Relative standard deviation of {of}",
@@ -133,6 +133,13 @@ def criterion_text(design: Mapping[str, Any]) -> str:
     over = samples_text(design)
     before, after = value_text(design, own["before"]), value_text(design, own["after"])
     return f"{what}: {before} before, {after} after {design['seconds']:.0f} s more ({over}; {how})."
+
+
+def target_text(design: Mapping[str, Any]) -> str:
+    """`` under vertical_force = 3500 N``, of a design for a target; else nothing."""
+    target = design["criterion"]["target"] or {}
+    said = ", ".join(f"{name} = {one['value']:g} {one['unit']}" for name, one in target.items())
+    return f" under {said}" if said else ""
 
 
 def samples_text(design: Mapping[str, Any]) -> str:

@@ -123,6 +123,13 @@ def stage_model(stage: Stage, model: Model) -> Model:
     return with_laws(find_model(stage.model), laws_of(model))
 
 
+def calibrated_by(model: Model, campaign: Campaign) -> dict[str, Stage]:
+    """The stage that calibrates a parameter, by its name; stages without tests in the campaign calibrate none."""
+    kinds = {m.kind for m in campaign.measurements}
+    stages = [stage for stage in model.stages if kinds & {*stage.excitations}]
+    return {one.name: stage for stage in reversed(stages) for one in stage_model(stage, model).parameters}
+
+
 def _fit_stage(stage: Stage, problem: Problem, seed: int, start: Mapping[str, float]) -> Calibration:
     """Least squares from many starts, then once more with the independent residuals counted."""
     from scipy.stats import qmc  # late: its import takes half a second

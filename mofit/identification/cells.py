@@ -14,6 +14,7 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.errors import InputError
 from mofit.identification.result import Located
+from mofit.identification.search_registry import DEFAULT_SEARCH
 from mofit.identification.settings import Settings
 from mofit.identification.stages import locate_minima
 from mofit.models import Model
@@ -24,6 +25,10 @@ from mofit.runtime.progress import Progress, silent
 from mofit.runtime.sending import Sendable, received, sendable
 from mofit.sampling import laplace_covariance
 from mofit.simulation.evaluation.evaluations import evaluations_of
+
+#: Most evaluations of the default search for one combination. Its best minimum takes fewer; in the valleys of what it
+#: does not determine alone a search spends whatever it has.
+EVALUATIONS = 1000
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,10 @@ def identify_cells(
     InputError
         If one cannot be identified, or the cluster is lost.
     """
-    alone = replace(settings, over=(), laws={})
+    default = settings.for_model(model).search == DEFAULT_SEARCH
+    budget = settings.evaluations or (EVALUATIONS if default else None)
+    limit = settings.time_limit and settings.time_limit / len(cells)  # one after the other
+    alone = replace(settings, over=(), laws={}, evaluations=budget, time_limit=limit)
     progress("conditions", 0, len(cells), "")
     if settings.dask is None or evaluations_of(model) is not None:
         ended = _here(cells, model, alone, parameters, until)
@@ -112,6 +120,8 @@ def _estimates(located: Located, parameters: Sequence[Parameter]) -> tuple[Float
     space = posterior.space
     values = space.from_unit(minimum.point)
     covariance = laplace_covariance(adjusted_posterior(posterior, minimum.point).normal_hessian)
+    # what lies at an end of its range may be anywhere near: as wide as the range
+    covariance = covariance + np.diag(((minimum.point <= 0) | (minimum.point >= 1)) / 12)
     log = np.array([one.scale == "log" for one in space.parameters])
     width = space.derivative(values) / np.where(log, values, 1.0)
     index = [space.index(one.name) for one in parameters]

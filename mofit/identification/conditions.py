@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.data.join import SPECIMEN, varying_conditions
 from mofit.errors import Issue, did_you_mean, raise_errors
+from mofit.identification.calibration import calibrated_by
 from mofit.identification.cells import Cell, identify_cells
 from mofit.identification.joint_combinations import identified_together, shared_names
-from mofit.identification.law_choice import Candidates, alternatives, choose_laws
+from mofit.identification.law_choice import Candidates, alternatives, choose_laws, of_informed
 from mofit.identification.law_fit import CellEstimates
 from mofit.identification.law_study import LawStudy
 from mofit.identification.population import (
@@ -37,6 +39,7 @@ from mofit.simulation.scopes import scoped
 CHOICES = (CONSTANT, "linear", "quadratic", FREE)
 #: name that stands for every parameter whose law is not said
 EVERY = "others"
+_CALIBRATED = "calibrated by stage '{}' from all combinations together"
 
 
 def study_conditions(
@@ -75,11 +78,12 @@ def study_conditions(
     groups = _groups(campaign.select(used), settings.over)
     groups = {at: names for at, names in groups.items() if set(names) & set(chosen)}
     parameters = _parameters(model, campaign.select(chosen), settings)
+    calibrated = {name: stage.name for name, stage in calibrated_by(model, campaign.select(used)).items()}
     if SPECIMEN in settings.over:
-        refuse_for_specimens(parameters, settings, len(groups))
+        refuse_for_specimens(parameters, settings, len(groups), calibrated)
         candidates: Candidates = {}
     else:
-        candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign)
+        candidates = law_candidates(parameters, np.array(list(groups)), settings, campaign, calibrated)
     own_tests = tuple(tuple(name for name in names if name in chosen) for names in groups.values())
     blank = CellEstimates(
         parameters=tuple(parameters),
@@ -100,6 +104,7 @@ def study_conditions(
         fit, evidence = choose_populations(estimates, settings.laws)
         odd = outliers(estimates)
         return LawStudy(estimates, own_tests, fit, evidence, evaluations, populations(estimates, odd), odd)
+    candidates = of_informed(estimates, candidates, [key for key in candidates if _said_law(settings, *key)])
     best = choose_laws(estimates, candidates)
     return LawStudy(estimates, own_tests, best, alternatives(estimates, best, candidates), evaluations)
 
@@ -125,8 +130,16 @@ def _identified(
     return replace(blank, values=values, covariance=covariance), sum(one.evaluations for one in found)
 
 
-def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, count: int) -> None:
-    """Raise an `InputError` with what does not suit specimens: other conditions, other laws, too few of them."""
+def refuse_for_specimens(
+    parameters: Sequence[Parameter],
+    settings: Settings,
+    count: int,
+    calibrated: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Raise an `InputError` with what does not suit specimens: other conditions, other laws, too few of them.
+
+    Parameters that a stage calibrates (its name by theirs) have one value for all specimens, which is to be said.
+    """
     issues = []
     if len(settings.over) > 1:
         hint = f"Pool a parameter beside laws: --per NAME={SPECIMEN} --pooled NAME"
@@ -140,6 +153,12 @@ def refuse_for_specimens(parameters: Sequence[Parameter], settings: Settings, co
         if form not in (CONSTANT, POOLED):
             hint = f"Choose {CONSTANT} or {POOLED}"
             issues.append(Issue(f"--law {name}={form}", "specimens have no order", hint))
+    for stage in dict.fromkeys(calibrated.values()):
+        varied = [one for one in known if calibrated.get(one) == stage and settings.laws.get(one) != CONSTANT]
+        if varied:
+            constant = " ".join(f"--law {one}={CONSTANT}" for one in varied)
+            hint = f"If all share them: {constant}. Else leave the tests of the stage out, or use mofit batch"
+            issues.append(Issue(f"--over {SPECIMEN}", f"{', '.join(varied)}: {_CALIBRATED.format(stage)}", hint))
     raise_errors(issues)
 
 
@@ -154,7 +173,11 @@ def with_laws_of_conditions(
 
 
 def law_candidates(
-    parameters: Sequence[Parameter], at: FloatArray, settings: Settings, campaign: Campaign
+    parameters: Sequence[Parameter],
+    at: FloatArray,
+    settings: Settings,
+    campaign: Campaign,
+    calibrated: Mapping[str, str] = MappingProxyType({}),
 ) -> Candidates:
     """Laws to choose from, of every parameter over every condition: those said, else all that the values determine.
 
@@ -166,6 +189,8 @@ def law_candidates(
         Values of the conditions, (combinations, conditions).
     settings, campaign
         The settings say the laws; the campaign knows the units.
+    calibrated
+        Stage that calibrates a parameter, with a law, from the tests of all combinations.
 
     Raises
     ------
@@ -184,16 +209,34 @@ def law_candidates(
     for one in parameters:
         for k, condition in enumerate(settings.over):
             values = np.unique(at[:, k])
-            said = settings.laws.get(
-                f"{one.name}@{condition}", settings.laws.get(one.name, settings.laws.get(EVERY, ""))
-            )
+            said = _said_law(settings, one.name, condition)
             choices = tuple(form.strip() for form in said.split(",")) if said else CHOICES
+            if one.name in calibrated:
+                issues += _own_values(one.name, calibrated[one.name], choices if said else (), settings.laws)
+                choices = tuple(form for form in choices if form != FREE)
             found[one.name, condition] = tuple(form for form in choices if said or _determined(form, values, at))
             issues += [
                 issue for form in choices if said for issue in _unsuitable(one, condition, form, values, campaign)
             ]
     raise_errors(dict.fromkeys(issues))
     return found
+
+
+def _said_law(settings: Settings, name: str, condition: str) -> str:
+    """What the settings say of a parameter over a condition; empty where the evidence is to choose."""
+    laws = settings.laws
+    return laws.get(f"{name}@{condition}", laws.get(name, laws.get(EVERY, "")))
+
+
+def _own_values(name: str, stage: str, said: Sequence[str], laws: Mapping[str, str]) -> list[Issue]:
+    """That a calibrated parameter is to have a value per combination: said so, or as others are shared."""
+    if FREE in said:
+        what = f"{_CALIBRATED.format(stage)}, without a value for each"
+        return [Issue(f"--law {name}={FREE}", what, "Choose another law, or leave the tests of the stage out")]
+    if SHARED in laws.values() and SHARED not in said:
+        what = f"{_CALIBRATED.format(stage)}; beside shared parameters it would have a value for each"
+        return [Issue(f"--law {name}", what, f"Share it, too (--law {name}={SHARED}), or leave the others to laws")]
+    return []
 
 
 def _determined(form: str, values: FloatArray, at: FloatArray) -> bool:

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TypeAlias
+
+import numpy as np
 
 from mofit.identification.law_fit import LEAST_GAIN, Assignment, CellEstimates, LawFit, fit_laws
 from mofit.models import FREE
 
 #: forms to choose from by parameter and condition, the plainest first; `FREE` is one of all conditions of a parameter
 Candidates: TypeAlias = Mapping[tuple[str, str], Sequence[str]]
+
+#: Standard deviation, over that of a uniform distribution over the range, above which an estimate says next to nothing.
+UNINFORMED = 0.5
+
+
+def of_informed(cells: CellEstimates, candidates: Candidates, said: Collection[tuple[str, str]]) -> Candidates:
+    """Without a value per combination of parameters that half of the combinations say next to nothing of.
+
+    Their estimates are not normal, and scatter by more than their covariances say; laws that are ``said`` stay.
+    """
+    width = [np.log(one.upper / one.lower) if log else one.upper - one.lower
+             for one, log in zip(cells.parameters, cells.log, strict=True)]  # fmt: skip
+    sd = np.sqrt(np.diagonal(cells.covariance, axis1=1, axis2=2))
+    weak = np.median(sd, axis=0) > UNINFORMED * np.array(width) / np.sqrt(12)
+    names = {one.name for one, own in zip(cells.parameters, weak, strict=True) if own}
+    return {
+        key: tuple(form for form in forms if form != FREE or key[0] not in names or key in said)
+        for key, forms in candidates.items()
+    }
 
 
 def choose_laws(cells: CellEstimates, candidates: Candidates) -> LawFit:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from mofit.data import Campaign
 from mofit.errors import InputError, Issue, raise_errors
-from mofit.identification.calibration import Calibration, calibrate, calibrated_values, stage_model
+from mofit.identification.calibration import Calibration, calibrate, calibrated_by, calibrated_values
 from mofit.identification.settings import Settings, free_space
 from mofit.models import Model
 from mofit.parameters import ParameterSpace
@@ -116,7 +116,7 @@ def set_up_problem(
     model = scaled(model, data_scales(model, selected))
     shared, own = scoped(free_space(model, settings))
     space = space or shared
-    _refuse_calibrated(model, own)
+    _refuse_calibrated(model, campaign, own)
     calibrations, warnings = calibrate(
         model, campaign, space, seed=settings.seed, jobs=settings.jobs, done=done, start=start or {}
     )
@@ -126,14 +126,13 @@ def set_up_problem(
     )
 
 
-def _refuse_calibrated(model: Model, own: ParameterSpace) -> None:
+def _refuse_calibrated(model: Model, campaign: Campaign, own: ParameterSpace) -> None:
     """Scoped parameters that a stage calibrates have no value of their own in the stage's tests."""
-    for stage in model.stages:
-        names = {p.name for p in stage_model(stage, model).parameters} & {*own.names}
-        raise_errors(
-            Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
-            for name in sorted(names)
-        )
+    raise_errors(
+        Issue(f"--per-test {name}", f"stage '{stage.name}' calibrates it for all tests", "Leave it to the campaign")
+        for name, stage in sorted(calibrated_by(model, campaign).items())
+        if name in own.names
+    )
 
 
 def _unmeasured(model: Model, campaign: Campaign) -> list[str]:

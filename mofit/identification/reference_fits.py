@@ -62,9 +62,7 @@ def _each_alone(located: Located) -> tuple[Problem, dict[str, LocalFit]]:
     the fixed ones take their estimates from all tests, and so do the coefficients of laws: a test has one value of
     every condition.
     """
-    space = located.posterior.space
-    best = dict(zip(space.names, space.from_unit(located.minima[0].point), strict=True))
-    searched, starts = _without_coefficients(located, best), starts_of(located.search)[0]
+    searched, starts = _without_coefficients(located, _best(located)), starts_of(located.search)[0]
     starts = starts[:, [located.searched.space.index(name) for name in searched.space.names]]
     fits = {}
     for test in searched.tests:
@@ -75,6 +73,12 @@ def _each_alone(located: Located) -> tuple[Problem, dict[str, LocalFit]]:
             problem, tuple(replace(m, hessian=adjusted_posterior(problem, m.point).hessian) for m in minima)
         )
     return searched, fits
+
+
+def _best(located: Located) -> dict[str, float]:
+    """Values at the best minimum."""
+    space = located.posterior.space
+    return dict(zip(space.names, map(float, space.from_unit(located.minima[0].point)), strict=True))
 
 
 def _without_coefficients(located: Located, best: Mapping[str, float]) -> Problem:
@@ -90,7 +94,7 @@ def _without_coefficients(located: Located, best: Mapping[str, float]) -> Proble
 def _baseline(
     reference: Model, campaign: Campaign, tests: Sequence[str], located: Located, settings: Settings
 ) -> LocalFit:
-    """The baseline model, identified in the same way."""
+    """The baseline model, identified in the same way: where parameters follow laws from a start, not by a search."""
     names = {parameter.name for parameter in reference.parameters}
     stages = () if settings.joint else reference.stages
     staged = {parameter.name for stage in stages for parameter in stage_model(stage, reference).parameters}
@@ -103,5 +107,6 @@ def _baseline(
         scopes={name: per for name, per in settings.scopes.items() if name in names},
         pooled=tuple(name for name in settings.pooled if name in names),
     )
-    setup = set_up_problem(reference, campaign, own, tests, done=located.calibrations)
+    start = _best(located) if laws_of(reference) else None
+    setup = set_up_problem(reference, campaign, own, tests, done=located.calibrations, start=start)
     return fit(replace(setup, known=located.searched.experiments))

@@ -157,8 +157,8 @@ def search(
 
 
 def fit(setup: ProblemSetup) -> LocalFit:
-    """Search and refine without sampling, calibrated parameters fixed: reference fits and studies."""
-    found, _ = search(setup.searched, setup.settings)
+    """Search (or start) and refine without sampling, calibrated parameters fixed: reference fits and studies."""
+    found, _ = _started(setup.searched, setup) or search(setup.searched, setup.settings)
     return LocalFit(*refined(setup.searched, *_with_starts(setup.searched, found)[1]))
 
 

@@ -92,6 +92,7 @@ def design(
     budget: Quantity | None = None,
     robust: str = "mean",
     ignore_existing_tests: bool = False,
+    target: Mapping[str, float] | None = None,
     at: Mapping[str, float] | None = None,
     run: str | Path | None = None,
     samples: int = 8,
@@ -111,7 +112,7 @@ def design(
         one; the laws of ``run`` over their conditions become part of the model.
     space
         Design space (TOML), see docs/design.md; by default the range that the tests cover.
-    parameters, criterion, combination, discriminate, budget, robust, ignore_existing_tests
+    parameters, criterion, combination, discriminate, budget, robust, ignore_existing_tests, target
         As the options of ``mofit design``.
     model, effects, at, run, samples, seed, jobs, simulations, timeout, dask, progress
         As for `compare`.
@@ -137,6 +138,6 @@ def design(
     )  # fmt: skip
     job = DesignJob(
         inputs, None if space is None else Path(space), as_names(parameters), criterion, combination or {},
-        as_names(discriminate), budget, robust, ignore_existing_tests,
+        as_names(discriminate), budget, robust, ignore_existing_tests, target or {},
     )  # fmt: skip
     return ShownProposal.of(design_file(job, listener(progress)))

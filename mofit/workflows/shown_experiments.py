@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 from mofit.experimental_design.comparison_result import Comparison
 from mofit.experimental_design.design_job import Proposal
 from mofit.experimental_design.summary import design_summary
-from mofit.experimental_design.text import augmentation_sentences, criterion_text, settings_text
+from mofit.experimental_design.text import augmentation_sentences, criterion_text, settings_text, target_text
 from mofit.workflows.shown import picture, summary, view
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ class ShownProposal(_Shown, Proposal):
         ]
         tests = pd.DataFrame(rows, index=pd.Index([test["name"] for test in said["design"]], name="run next"))
         return view(
-            "Next tests for " + ", ".join(said["criterion"]["of"]),
+            "Next tests for " + ", ".join(said["criterion"]["of"]) + target_text(said),
             [*said["not_identifiable"], criterion_text(said), *self.notes],
             [tests, _brief(self)],
             _figures(table),

@@ -39,3 +39,13 @@ def test_estimates_beside_a_shared_parameter_are_as_sure_as_those_alone():
     together = study_conditions(campaign, StraightLine(), shared).cells
     k = [one.name for one in together.parameters].index("k")
     assert np.mean(together.sd[:, k] / alone.sd[:, 0]) == pytest.approx(1, abs=0.03)
+
+
+def test_an_estimate_at_an_end_of_its_range_is_hardly_known():
+    """The offset is 1, outside of what is allowed: a uniform distribution over the range is as wide."""
+    bounds = {"b": (1.2, 3.0)}
+    settings = Settings(over=("temperature",), laws={"k": "constant"}, bounds=bounds, sample=False, jobs=1)
+    cells = study_conditions(springs(4, 60), StraightLine(), settings).cells
+    b = [one.name for one in cells.parameters].index("b")
+    assert cells.values[:, b] == pytest.approx(1.2)
+    assert cells.sd[:, b] == pytest.approx(1.8 / np.sqrt(12), rel=0.03)

@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mofit.identification.law_choice import alternatives, choose_laws
+from mofit.identification.law_choice import alternatives, choose_laws, of_informed
 from mofit.identification.law_fit import CellEstimates, fit_laws
 from mofit.models import FREE
 from mofit.parameters import Parameter
@@ -94,3 +96,13 @@ def test_values_that_follow_no_law_are_free():
     found = choose_laws(cells(1e4 * jumps, 50 * np.ones(len(AT))), candidates("constant", "linear", FREE))
     assert found.free == ("c",)
     assert "c" not in found.values
+
+
+def test_what_combinations_hardly_know_has_no_value_for_each_unless_said():
+    """A standard deviation of 500 N, of a range of 2000 N: 0.87 of that of a uniform distribution."""
+    own, choices = cells(1e4 * np.ones(len(AT)), 500 * (-1) ** np.arange(len(AT))), candidates("constant", FREE)
+    wide = replace(own, covariance=np.tile(np.diag([1e-4, 500.0**2]), (len(AT), 1, 1)))
+    assert of_informed(own, choices, ()) == choices
+    assert of_informed(wide, choices, ()) == choices | {("F_0", name): ("constant",) for name in ("load", "speed")}
+    said = [("F_0", "load"), ("F_0", "speed")]
+    assert of_informed(wide, choices, said) == choices

@@ -1,7 +1,7 @@
 """Signal analysis of records: period, transient, noise, derivative."""
 
 from mofit.data.signals.analysis import REPEATED, SignalAnalysis, analyse, find_transient, steady_samples
-from mofit.data.signals.noise_process import NoiseProcess, effective_samples, noise_process
+from mofit.data.signals.noise_process import NoiseProcess, effective_samples, noise_process, repeats
 from mofit.data.signals.periodicity import periodic_fit
 from mofit.data.signals.smoothing import smooth_derivative, smooth_derivatives
 
@@ -14,6 +14,7 @@ __all__ = [
     "find_transient",
     "noise_process",
     "periodic_fit",
+    "repeats",
     "smooth_derivative",
     "smooth_derivatives",
     "steady_samples",

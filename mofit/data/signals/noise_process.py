@@ -112,7 +112,7 @@ def noise_process(
     periods = count * step / period if period else 0.0
     noise = residual - residual.mean()
     harmonics = np.empty(0, dtype=np.int64)
-    if period and periods >= 1.99:
+    if period and repeats(periods):
         noise = residual - periodic_fit(time, residual, period)[0]
         harmonics = _bins(periods, LINES.harmonics)
         harmonics = harmonics[harmonics < count // 2]
@@ -133,6 +133,11 @@ def noise_process(
         spectrum, freedom = autoregressive_spectrum(power, used, count)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
     return NoiseProcess(level, spectrum, freedom, harmonics, whole[harmonics])
+
+
+def repeats(periods: float) -> bool:
+    """Whether a record of so many periods tells noise from what repeats: two, but for rounding."""
+    return periods >= 1.99
 
 
 def effective_samples(residuals: FloatArray) -> float:

@@ -13,7 +13,15 @@ from markupsafe import Markup
 from mofit.experimental_design.candidates import Candidate
 from mofit.experimental_design.design_job import Proposal
 from mofit.experimental_design.optimal_design import Design
-from mofit.experimental_design.text import GRADES, criterion_text, samples_text, seconds_text, settings_text, value_text
+from mofit.experimental_design.text import (
+    GRADES,
+    criterion_text,
+    samples_text,
+    seconds_text,
+    settings_text,
+    target_text,
+    value_text,
+)
 from mofit.report.toolkit.axes import log_if_wide
 from mofit.report.toolkit.blocks import Block, Column, Details, Figure, Raw, Section, Table, Text, badge, banner, words
 from mofit.report.toolkit.figures import BASELINE, Panels, dot_key, line_key, mode_colour
@@ -31,7 +39,7 @@ def write_design_page(proposal: Proposal, summary: Mapping[str, Any], path: Path
     makers = (_tests, _why, _time, _singles, _infeasible, _method)
     sections = draw_sections([partial(make, summary=summary) for make in makers], proposal)
     source = proposal.design.known.source
-    title = "Next tests for " + ", ".join(summary["criterion"]["of"])
+    title = "Next tests for " + ", ".join(summary["criterion"]["of"]) + target_text(summary)
     return write_page(path, title, f"{source.model.title or source.model.name} · after {source.name}", sections)
 
 
@@ -56,7 +64,7 @@ def _tests(proposal: Proposal, summary: Mapping[str, Any]) -> Section:
             words("Before", [badge(v, GRADES[v]) for v in (entry["verdict_before"] for entry in entries)]),
             words("After", [badge(v, GRADES[v]) for v in (entry["verdict"] for entry in entries)]),
         ],
-        f"Expected standard deviation of the estimate, {samples_text(summary)}. Range: of "
+        f"Expected standard deviation of the estimate{target_text(summary)}, {samples_text(summary)}. Range: of "
         "the relative one after, over the samples.",
     )
     missed = [banner(sentence, "bad") for sentence in summary["not_identifiable"]]
