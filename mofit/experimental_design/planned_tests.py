@@ -12,7 +12,8 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.data.signals import SignalAnalysis, find_transient, steady_samples
 from mofit.errors import InputError
 from mofit.experimental_design.noise_model import DEFAULT_NOISE, ChannelNoise, NoiseModel
-from mofit.models import Model, Stage, build_system, find_model
+from mofit.identification.calibration import stage_model
+from mofit.models import Model, Stage, build_system
 from mofit.simulation import ExperimentData, Simulator, experiment_data, require
 
 #: Error of the simulation that only finds transients, relative to the output's range.
@@ -33,8 +34,8 @@ class Group:
 
 
 def groups(model: Model) -> tuple[Group, ...]:
-    """The main identification and the calibration stages of a model."""
-    return (Group(model), *(Group(find_model(stage.model), stage) for stage in model.stages))
+    """The main identification and the calibration stages of a model, whose parameters follow its laws."""
+    return (Group(model), *(Group(stage_model(stage, model), stage) for stage in model.stages))
 
 
 def group_of(model: Model, kind: str) -> int:

@@ -41,6 +41,15 @@ frequency = "2 Hz"
 amplitude = "2 deg"
 periods = 6
 """
+SPACE = """
+[[tests]]
+kind = "sine"
+sample_rate = "50 Hz"
+frequency = "1 Hz"
+amplitude = "2 deg"
+duration = "3 s"
+conditions = { vertical_force = ["2 kN", "4 kN"] }
+"""
 FIXED = [part for name, value in (("dF0", 62e3), ("s_M", 0.13), ("F_M", 3100)) for part in ("--fix", f"{name}={value}")]
 
 
@@ -66,6 +75,15 @@ def test_a_stage_is_fitted_with_the_laws(files, tmp_path, capsys):
     for name, truth in {"c_y": 12e4, "c_y_vertical_force": 0.2, "p_y": -7.5, "d_y": 300.0}.items():
         assert abs(found[name]["value"] - truth) < 4 * found[name]["sd"]
         assert found[name]["sd"] < 0.05 * abs(truth)
+    # a design counts the stage's tests by the same laws
+    (tmp_path / "space.toml").write_text(SPACE)
+    given = [*files, "--model", "kelvin_voigt_tyre", "--run", str(tmp_path / "run"), "--samples", "1", "--jobs", "1"]
+    given += ["--parameter", "d_y", "--target", "vertical_force=4000", "--budget", "3 s"]
+    code = main(["design", *given, "--space", str(tmp_path / "space.toml"), "--json"])
+    printed = capsys.readouterr()
+    assert code == 0, printed.err
+    proposed = json.loads(printed.out)["parameters"]["d_y"]
+    assert 0 < proposed["sd"] < proposed["sd_before"] < 150.0
 
 
 @pytest.mark.parametrize(
