@@ -75,7 +75,7 @@ def test_effects_on_dampers_grow_with_the_data_too(name):
 def test_a_channel_that_never_moves_gives_no_scale():
     model = find_model("kelvin_voigt_damper")
     still = campaign(model, {"force": 2.0, "displacement": 0.0})
-    assert set(data_scales(model, still)) == {"force", "time"}
+    assert set(data_scales(model, still)) == {"force", "output", "time"}
     assert scaled(model, data_scales(model, still)).parameters[0] == model.parameters[0]
 
 
