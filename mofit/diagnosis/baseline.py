@@ -15,6 +15,7 @@ from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.noise_memory import with_common_memory
 from mofit.diagnosis.scoped_starts import with_scoped
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.errors import InputError
@@ -112,10 +113,11 @@ def baseline_in_wide_ranges(
         farther = space.farther(sides)
         if farther == space:
             break
-        known = setup.calibrations
+        known, observed = setup.calibrations, found.hypothesis.observed
         wider = set_up_problem(model, campaign, settings, tests, space=farther, done=known, leads=setup.leads)
         # the noise of the records stays
-        same = replace(found.hypothesis.observed, problem=wider.posterior.main, calibrations=wider.calibrations)
+        problem, _, stages = with_common_memory(wider.posterior.main, observed.records, wider.calibrations)
+        same = replace(observed, problem=problem, calibrations=stages)
         again = fit_baseline(same, beyond_ends(space, farther, values, sides), settings.seed)
         if found.minimum.value - again.minimum.value <= WORTH:
             break

@@ -14,12 +14,13 @@ from mofit._typing import FloatArray
 from mofit.data.signals import NoiseProcess
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.integration import SimulatorCache
+from mofit.diagnosis.noise_memory import with_common_memory
 from mofit.diagnosis.spectral_classes import CLASS_INDEX, classify, interference_lines, rotational_orders
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.parameters import ParameterSpace
 from mofit.problem import Problem
-from mofit.simulation import exciting_channel
+from mofit.simulation import exciting_channel, objective_pairs
 from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Relative singular value below which a combination of columns is none.
@@ -230,23 +231,16 @@ def whiten(
 
     ``known`` is the noise of records that do not repeat, by indices of test and output.
     """
-    records, measured, noise, phase, classes = [], [], [], [], []
-    for test, (measurement, analysis, experiment) in enumerate(
-        zip(problem.measurements, problem.signals, problem.experiments, strict=True)
-    ):
-        orders = rotational_orders(measurement)
-        exciting = measurement.channel(exciting_channel(problem.model, measurement))
-        for output in experiment.fitted:
-            channel = problem.model.outputs[output]
-            values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
-            noise_sd, process = analysis.noise_sd[channel.name], known.get((test, output))
-            w = whitening(values, used, experiment.step, analysis, noise_sd, process)
-            excitation = exciting[w.start : w.start + w.count]
-            phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
-            records.append((test, output, w))
-            measured.append(w.rows(values[:, None])[:, 0])
-            noise.append(w.noise_rows(values))
-            classes.append(classify(w, excitation, orders))
+    found = [_whitening(problem, test, output, known) for test, output in objective_pairs(problem.experiments)]
+    problem, records, stages = with_common_memory(problem, found, calibrations)
+    measured, noise, phase, classes = [], [], [], []
+    for test, output, w in records:
+        measurement, values = problem.measurements[test], problem.experiments[test].measured[:, output]
+        excitation = measurement.channel(exciting_channel(problem.model, measurement))[w.start : w.start + w.count]
+        phase.append(float(np.angle(np.fft.rfft(excitation)[w.periods])) if w.periods else 0.0)
+        measured.append(w.rows(values[:, None])[:, 0])
+        noise.append(w.noise_rows(values))
+        classes.append(classify(w, excitation, rotational_orders(measurement)))
     whitenings = [w for _, _, w in records]
     free = [(own == CLASS_INDEX["other"]) & ~w.harmonic for own, w in zip(classes, whitenings, strict=True)]
     for own, lines in zip(classes, interference_lines(whitenings, noise, free), strict=True):
@@ -254,12 +248,22 @@ def whiten(
     line = [w.line_of_row for w in whitenings]
     return WhitenedData(
         problem,
-        tuple(records),
+        records,
         np.concatenate(measured),
         np.repeat(np.arange(len(records)), [len(rows) for rows in line]),
         np.concatenate(line),
         np.concatenate([own[rows] for own, rows in zip(classes, line, strict=True)]),
         np.array(phase),
-        tuple(calibrations),
+        stages,
         simulators=simulators or SimulatorCache(),
     )
+
+
+def _whitening(
+    problem: Problem, test: int, output: int, known: Mapping[tuple[int, int], NoiseProcess]
+) -> tuple[int, int, Whitening]:
+    """Of one record by itself."""
+    experiment, analysis = problem.experiments[test], problem.signals[test]
+    values, used = experiment.measured[:, output], experiment.weights[:, output] > 0
+    noise_sd = analysis.noise_sd[problem.model.outputs[output].name]
+    return test, output, whitening(values, used, experiment.step, analysis, noise_sd, known.get((test, output)))

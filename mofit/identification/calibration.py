@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -16,6 +16,7 @@ from mofit.optimize import merge, refine
 from mofit.parameters import ParameterSpace
 from mofit.problem import GaussianPrior, Problem, adjusted_posterior, build_problem, explained
 from mofit.sampling import laplace_covariance
+from mofit.simulation import objective_pairs
 
 #: Starts per stage; a power of two keeps the Sobol points balanced. Stages have two or three parameters.
 STARTS = 32
@@ -25,7 +26,8 @@ STARTS = 32
 class Calibration:
     """One fitted stage: its problem, the minimum (unit coordinates) and the Hessian of -log of the normal posterior.
 
-    ``freedom``: degrees of freedom of the noise behind it.
+    ``freedom``: degrees of freedom of the noise behind it. ``log_odds``: of a long memory of the noise (1/f) to a short
+    one, by every record alone.
     """
 
     stage: Stage
@@ -33,6 +35,23 @@ class Calibration:
     minimum: FloatArray
     hessian: FloatArray
     freedom: float
+    log_odds: FloatArray
+
+    @property
+    def outputs(self) -> list[str]:
+        """Output of every objective, by name."""
+        outputs = self.problem.model.outputs
+        return [outputs[output].name for _, output in objective_pairs(self.problem.experiments)]
+
+    def beside(self, others: Mapping[str, float]) -> Calibration:
+        """The same estimate, as certain as the noise is with the log odds of its records and those of others.
+
+        Whether the noise of an output has a long memory is one question to all of its records; a short one hardly
+        tells. ``others``: the sum of all log odds, of every output by its name.
+        """
+        rest = np.array([others.get(name, 0.0) for name in self.outputs]) - self.log_odds
+        noise = replace(self.problem.noise, long_memory=rest)
+        return _calibration(self.stage, replace(self.problem, noise=noise), self.minimum)
 
     @property
     def values(self) -> dict[str, float]:
@@ -115,7 +134,17 @@ def calibrate(
         chosen, own = campaign.select(tests), space.subset(free)
         problem = build_problem(reduced, chosen, space=own, fixed=known, settled=stage.settled, jobs=jobs)
         found.append(_fit_stage(stage, problem, seed, start))
-    return found, warnings
+    odds = summed_log_odds(found)
+    return [one.beside(odds) for one in found], warnings
+
+
+def summed_log_odds(calibrations: Sequence[Calibration]) -> dict[str, float]:
+    """Log odds for long memory that all records of an output have together, by its name."""
+    found: dict[str, float] = {}
+    for one in calibrations:
+        for name, own in zip(one.outputs, one.log_odds.tolist(), strict=True):
+            found[name] = found.get(name, 0.0) + own
+    return found
 
 
 def stage_model(stage: Stage, model: Model) -> Model:
@@ -145,8 +174,14 @@ def _fit_stage(stage: Stage, problem: Problem, seed: int, start: Mapping[str, fl
             raise InputError.of(f"stage '{stage.name}'", "no start could be simulated", "Check bounds and channels")
     problem = problem.with_noise_at(minima[0].point)
     best = merge(refine(problem.evaluate, minima[0].point[None]))[0]
-    adjusted = adjusted_posterior(problem, best.point)
-    return Calibration(stage, problem, best.point, adjusted.normal_hessian, adjusted.adjustment.freedom)
+    return _calibration(stage, problem, best.point)
+
+
+def _calibration(stage: Stage, problem: Problem, point: FloatArray) -> Calibration:
+    adjusted = adjusted_posterior(problem, point)
+    return Calibration(
+        stage, problem, point, adjusted.normal_hessian, adjusted.adjustment.freedom, adjusted.score.log_odds
+    )
 
 
 def calibrated_values(calibrations: Sequence[Calibration]) -> dict[str, float]:

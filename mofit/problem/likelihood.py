@@ -43,6 +43,8 @@ class Noise:
     the paper's objective."""
     absorbed: int = 0
     """Scoped values that are fitted along: each takes a residual's information."""
+    long_memory: FloatArray | float = 0.0
+    """Log odds for long memory (1/f noise) that other records of the same noise give."""
 
     @property
     def variance(self) -> FloatArray:
@@ -58,7 +60,9 @@ class Noise:
 
     def select(self, index: list[int]) -> Noise:
         """The noise of some of the objectives."""
-        return replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
+        memory = np.broadcast_to(self.long_memory, self.count.shape)[index]
+        chosen = replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
+        return replace(chosen, long_memory=memory)
 
     def at(self, nrmsd: FloatArray, independent: FloatArray) -> Noise:
         """Noise as seen at a point: independent residuals counted there, gap estimated from the NRMSD there."""

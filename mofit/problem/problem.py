@@ -184,7 +184,8 @@ class Problem:
         sums = self.sums(point[None])
         experiments = self._with_common_residuals(values)
         responses = map(in_unit, self.simulator.one_by_one(values, derivatives=True))
-        return score_covariance(sums, self.noise.weights, experiments, self.periods, responses)
+        weights, memory = self.noise.weights, self.noise.long_memory
+        return score_covariance(sums, weights, experiments, self.periods, responses, memory)
 
     def _with_common_residuals(self, values: FloatArray) -> tuple[ExperimentData, ...]:
         r"""The tests with residuals that count repeated records as what they are, at one set (1, np).

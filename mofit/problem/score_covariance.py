@@ -23,6 +23,7 @@ def score_covariance(
     experiments: Sequence[ExperimentData],
     periods: Sequence[float | None],
     responses: Iterable[tuple[FloatArray, FloatArray]],
+    long_memory: FloatArray | float = 0.0,
 ) -> Score:
     """The score of every objective at one point; see `mofit.problem.Score`.
 
@@ -37,13 +38,16 @@ def score_covariance(
     responses
         Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d). Each is
         dropped before the next is asked for.
+    long_memory
+        What other records tell of the noise of each objective (`mofit.problem.Noise`).
     """
-    noise, lines, freedom, powers = [], [], [], list[FloatArray]()
-    responses = iter(responses)
+    noise, lines, freedom, odds, powers = [], [], [], [], list[FloatArray]()
+    responses, others = iter(responses), iter(np.broadcast_to(long_memory, weights.shape).tolist())
     for experiment, period in zip(experiments, periods, strict=True):
         # handed on, not held: a response and the processes of a test are as large as its record
-        for own, on_lines, known, power in _moments(experiment, period, *next(responses)):
+        for own, on_lines, known, power, log_odds in _moments(experiment, period, *next(responses), others):
             noise.append(own)
+            odds.append(log_odds)
             lines.append(on_lines)
             freedom.append(known)
             powers.append(power)
@@ -57,6 +61,7 @@ def score_covariance(
         freedom=np.array(freedom),
         gap_freedom=gap_freedom,
         gap_squares=excess,
+        log_odds=np.array(odds),
     )
 
 
@@ -81,18 +86,25 @@ def scatter(
 
 
 def _moments(
-    experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
-) -> list[tuple[FloatArray, list[FloatArray], float, FloatArray]]:
-    """Covariance of the score by noise and by gaps, freedom of the noise and line powers of every output in a test.
+    experiment: ExperimentData,
+    period: float | None,
+    output: FloatArray,
+    slopes: FloatArray,
+    long_memory: Iterator[float],
+) -> list[tuple[FloatArray, list[FloatArray], float, FloatArray, float]]:
+    """Of every output in a test: covariance of the score by noise and by gaps, and of the noise what follows.
+
+    Its degrees of freedom, the line powers, and the log odds for long memory.
 
     The gaps are 1 on the fundamental, and 1 on the harmonics. The true one is linear in the excess,
     which is known only when all tests have been seen.
     """
     found = []
-    for process, own in _residual_noise(experiment, period, output, slopes):
+    for alone, own in _residual_noise(experiment, period, output, slopes):
+        process = alone.beside(next(long_memory))
         lines = [process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
         freedom = process.effective_degrees_of_freedom(own)
-        found.append((process.score_covariance(own), lines, freedom, _line_powers(process)))
+        found.append((process.score_covariance(own), lines, freedom, _line_powers(process), process.log_odds))
     return found
 
 
@@ -105,8 +117,8 @@ def _residual_noise(
         scale = np.sqrt(experiment.weights[used, i])
         simulated = output[used, i] * scale
         residual = experiment.measured[used, i] * scale - simulated
-        time = np.asarray(experiment.step * np.flatnonzero(used))
-        yield noise_process(residual, simulated, time, period), slopes[used, i] * scale[:, None]
+        time, own = np.asarray(experiment.step * np.flatnonzero(used)), slopes[used, i] * scale[:, None]
+        yield noise_process(residual, simulated, time, period, fitted=own), own
 
 
 def _line_powers(process: NoiseProcess) -> FloatArray:

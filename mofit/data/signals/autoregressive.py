@@ -7,18 +7,21 @@ References
 Percival and Walden, "Spectral Analysis for Physical Applications" (1993), ch. 9: Yule-Walker, Whittle's likelihood.
 Granger and Joyeux, "An introduction to long-memory time series models", J. Time Series Analysis 1 (1980).
 Burnham and Anderson, "Model Selection and Multimodel Inference" (2002), ch. 4: Akaike's weights.
+Patterson and Thompson, "Recovery of inter-block information when block sizes are unequal", Biometrika 58 (1971): REML.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from mofit._typing import FloatArray
+from mofit.data.signals.contrasts import Contrasts
 
 _TINY = np.finfo(float).tiny
 #: Least 1 - 2 d at zero frequency: with d from 0.5 on the mean over the bin would have no end.
@@ -46,52 +49,74 @@ class SpectrumSettings:
 SETTINGS = SpectrumSettings()
 
 
-def autoregressive_spectrum(power: FloatArray, known: NDArray[np.bool_], count: int) -> tuple[FloatArray, FloatArray]:
+@dataclass(frozen=True)
+class SpectrumEstimate:
+    r"""The spectrum of a noise by processes with short memory, and by processes with long memory if any were tried.
+
+    Each is :math:`\log S` on the bins and the variance of that, (2, n // 2 + 1).
+    """
+
+    short: FloatArray
+    long: FloatArray | None
+    log_odds: float
+    """Of a long memory to a short one, by this record alone; 0 if none was tried."""
+
+    def averaged(self, others: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        r"""Spectrum S and its degrees of freedom, :math:`2 / \mathrm{var}(\log S)`, on the bins.
+
+        The variance is that within a process by Fisher's information, and that between them. ``others`` are log odds
+        for long memory that other records of the same noise add.
+        """
+        parts = [(1.0, self.short)]
+        if self.long is not None:
+            probability = float(expit(self.log_odds + others))
+            parts = [(1 - probability, self.short), (probability, self.long)]
+        mean, variance = _mixed(parts)
+        return np.exp(mean), np.maximum(2 / np.maximum(variance, 0.5 / len(mean)), 2.0)
+
+
+def autoregressive_spectrum(
+    lines: NDArray[Any], known: NDArray[np.bool_], count: int, fitted: NDArray[Any] | None = None
+) -> SpectrumEstimate:
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
     Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times the spectrum of a
     process of low order.
 
+    A fit has drawn the lines of its residual towards zero where its signals have their power, most on the lowest.
+    Restricted maximum likelihood (REML) takes only what no such signal changes.
+
     Parameters
     ----------
-    power
-        Periodogram :math:`|X_k|^2 / n` on the bins of the real FFT, shape (n // 2 + 1,).
+    lines
+        Fourier transform of the residual, :math:`X_k / \sqrt n`, on the bins of the real FFT, shape (n // 2 + 1,).
     known
         Bins that are noise alone.
     count
         Number of samples n.
-
-    Returns
-    -------
-    spectrum
-        S on the bins.
-    degrees_of_freedom
-        Of every bin's estimate, :math:`2 / \mathrm{var}(\log S)`: the variance within a process by Fisher's
-        information, and that between them.
+    fitted
+        The same transform of signals whose coefficients were fitted, shape (n // 2 + 1, d).
     """
-    number = int(known.sum())
+    number, power = int(known.sum()), np.abs(lines) ** 2
     if number == 0:
-        return np.full(len(power), max(float(power.mean()), _TINY)), np.full(len(power), 2.0)
+        level = np.full(len(power), np.log(max(float(power.mean()), _TINY)))
+        return SpectrumEstimate(np.stack([level, np.ones(len(level))]), None, 0.0)
     highest = max(min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
     turn: NDArray[Any] = -2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(highest + 1))
     np.exp(turn, out=turn)
-    fits = _Fits()
-    for fit in _autoregressive(power, known, turn):
-        fits.add(fit)
+    record = Contrasts.of(lines, known, fitted)
+    short, long = _Fits(), _Fits()
+    for fit in _autoregressive(record, np.ones(len(power)), turn):
+        short.add(fit)
     for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
-        shape = _long_memory(count, exponent)[: len(power)]
-        logarithm = np.log(shape)
         # one coefficient more, and as many ways for chance as exponents are tried
-        offset = float(np.sum(logarithm[known])) + 1 + np.log(len(SETTINGS.memories))
-        for fit in _autoregressive(power / shape, known, turn[:, : SETTINGS.memory_order + 1]):
-            fits.add(_Fit(fit.criterion + offset, fit.logarithm + logarithm, fit.variance))
-    weighted = fits.weighted()
-    mean, variance = np.zeros(len(power)), np.zeros(len(power))
-    for weight, fit in weighted:
-        mean += weight * fit.logarithm
-    for weight, fit in weighted:
-        variance += weight * (fit.variance + (fit.logarithm - mean) ** 2)
-    return np.exp(mean), np.maximum(2 / np.maximum(variance, 1 / count), 2.0)
+        penalty = 1 + np.log(len(SETTINGS.memories))
+        shape = _long_memory(count, exponent)[: len(power)]
+        for fit in _autoregressive(record, shape, turn[:, : SETTINGS.memory_order + 1]):
+            long.add(replace(fit, criterion=fit.criterion + penalty))
+    if not long:
+        return SpectrumEstimate(short.averaged(), None, 0.0)
+    return SpectrumEstimate(short.averaged(), long.averaged(), long.log_weight - short.log_weight)
 
 
 @dataclass(frozen=True)
@@ -110,6 +135,9 @@ class _Fits:
         self._criteria: list[float] = []
         self._kept: dict[int, _Fit] = {}
 
+    def __bool__(self) -> bool:
+        return bool(self._criteria)
+
     def add(self, fit: _Fit) -> None:
         """One more."""
         self._kept[len(self._criteria)] = fit
@@ -118,47 +146,64 @@ class _Fits:
         relative = self._relative()
         self._kept = {number: one for number, one in self._kept.items() if relative[number] != 0}
 
-    def weighted(self) -> list[tuple[float, _Fit]]:
-        """Those with a weight by Akaike, and this; all weights are 1 together."""
+    def averaged(self) -> FloatArray:
+        """Log S and its variance by Akaike's weights, (2, bins)."""
         weights = self._relative()
         weights /= weights.sum()
-        return [(weights[number], fit) for number, fit in self._kept.items()]
+        return _mixed([(weights[n], np.stack([one.logarithm, one.variance])) for n, one in self._kept.items()])
+
+    @property
+    def log_weight(self) -> float:
+        """Logarithm of the sum of all weights."""
+        return float(np.log(self._relative().sum()) - min(self._criteria))
 
     def _relative(self) -> FloatArray:
         return np.exp(min(self._criteria) - np.array(self._criteria))
 
 
-def _autoregressive(power: FloatArray, known: NDArray[np.bool_], turn: NDArray[Any]) -> Iterator[_Fit]:
-    """Autoregressive processes of every order; ``turn`` is exp(-i omega lag), (bins, lags)."""
-    filled = np.where(known, power, power[known].mean())
-    return (_fit(filled, power, known, turn[:, : order + 1]) for order in range(turn.shape[1]))
+def _mixed(parts: Sequence[tuple[float, FloatArray]]) -> FloatArray:
+    """Mean and variance (2, bins) of a mixture: of each part its weight, mean and variance."""
+    mean, variance = np.zeros_like(parts[0][1])
+    for weight, (own, _) in parts:
+        mean += weight * own
+    for weight, (own, within) in parts:
+        variance += weight * (within + (own - mean) ** 2)
+    return np.stack([mean, variance])
 
 
-def _fit(filled: FloatArray, power: FloatArray, known: NDArray[np.bool_], turn: NDArray[Any]) -> _Fit:
+def _autoregressive(record: Contrasts, shape: FloatArray, turn: NDArray[Any]) -> Iterator[_Fit]:
+    """Autoregressive processes of every order, times a shape (bins,); ``turn`` is exp(-i omega lag), (bins, lags)."""
+    return (_fit(record, shape, turn[:, : order + 1]) for order in range(turn.shape[1]))
+
+
+def _fit(record: Contrasts, shape: FloatArray, turn: NDArray[Any]) -> _Fit:
     """The process of one order, with as many columns of ``turn`` as it has lags."""
-    whitening, spectrum = _fitted(filled, power, known, turn)
+    whitening, spectrum = _fitted(record, shape, turn)
+    left = record.beside_fitted(spectrum)
     derivatives = np.ones(turn.shape)
     np.multiply(-2, (turn[:, 1:] / whitening[:, None]).real, out=derivatives[:, 1:])
-    information = derivatives[known].T @ derivatives[known]
-    order = turn.shape[1] - 1
-    criterion = float(np.sum(np.log(spectrum[known]) + power[known] / spectrum[known])) + order + 1
-    variance = np.sum((derivatives @ np.linalg.pinv(information)) * derivatives, axis=1)
-    return _Fit(criterion, np.log(spectrum), variance)
+    # the square root of the share of a line that the fit has left
+    weighted = derivatives * np.sqrt(np.clip(1 - left.absorbed / spectrum, 0.0, 1.0) * record.known)[:, None]
+    order, known = turn.shape[1] - 1, record.known
+    squares = float(np.sum(np.log(spectrum[known]) + left.power[known] / spectrum[known]))
+    variance = np.sum((derivatives @ np.linalg.pinv(weighted.T @ weighted)) * derivatives, axis=1)
+    return _Fit(squares + 0.5 * left.log_information + order + 1, np.log(spectrum), variance)
 
 
-def _fitted(
-    filled: FloatArray, power: FloatArray, known: NDArray[np.bool_], turn: NDArray[Any]
-) -> tuple[FloatArray, FloatArray]:
-    """Transfer function of the whitening filter, and the spectrum, on the bins; ``turn`` is exp(-i omega lag)."""
+def _fitted(record: Contrasts, shape: FloatArray, turn: NDArray[Any]) -> tuple[FloatArray, FloatArray]:
+    """Transfer function of the whitening filter, and the spectrum, on the bins; ``turn`` is exp(-i omega lag).
+
+    Expectation-maximisation: what is unknown, on bins or behind a fit, is filled as the spectrum lets expect.
+    """
     lags, order = np.ascontiguousarray(turn.real.T), turn.shape[1] - 1
     apart = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
+    spectrum = record.scaled(shape)
     for _ in range(SETTINGS.fill_rounds):
-        covariance = lags @ filled
+        left = record.beside_fitted(spectrum)
+        covariance = lags @ (np.where(record.known, left.power + left.absorbed, spectrum) / shape)
         a = np.linalg.solve(covariance[apart], -covariance[1:])
         whitening = 1 + turn[:, 1:] @ a
-        shape = 1 / np.abs(whitening) ** 2
-        spectrum = np.maximum(shape * np.mean(power[known] / shape[known]), _TINY)
-        filled = np.where(known, power, spectrum)
+        spectrum = record.scaled(shape / np.abs(whitening) ** 2)
     return whitening, spectrum
 
 

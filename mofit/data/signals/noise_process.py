@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from mofit._typing import FloatArray
-from mofit.data.signals.autoregressive import autoregressive_spectrum
+from mofit.data.signals.autoregressive import SpectrumEstimate, autoregressive_spectrum
 from mofit.data.signals.periodicity import periodic_fit
 
 _TINY = np.finfo(float).tiny
@@ -45,6 +45,20 @@ class NoiseProcess:
     """Bins of the fundamental and its harmonics; none for records that do not repeat."""
     harmonic_power: FloatArray
     """Power :math:`|R_k|^2 / n` of the whole residual there."""
+    estimate: SpectrumEstimate | None = None
+    """What the spectrum was averaged from, if it was estimated."""
+
+    @property
+    def log_odds(self) -> float:
+        """Of a long memory (1/f noise) to a short one, by this record alone; 0 if it does not tell."""
+        return self.estimate.log_odds if self.estimate else 0.0
+
+    def beside(self, others: float) -> NoiseProcess:
+        """The same with what other records of the noise tell of its memory: their log odds, added up."""
+        if self.estimate is None:
+            return self
+        spectrum, freedom = self.estimate.averaged(others)
+        return replace(self, spectrum=spectrum, degrees_of_freedom=freedom)
 
     @property
     def count(self) -> int:
@@ -86,6 +100,7 @@ def noise_process(
     without_lines: bool = False,
     taken: FloatArray | float = 0.0,
     unknown: NDArray[np.bool_] | None = None,
+    fitted: FloatArray | None = None,
 ) -> NoiseProcess:
     r"""Estimate the process from one record.
 
@@ -106,6 +121,9 @@ def noise_process(
         Share of the noise's power that a fit has absorbed, on the bins (n // 2 + 1,) or on all.
     unknown
         Bins that may hold more than noise, (n // 2 + 1,): the spectrum there follows from the others.
+    fitted
+        Signals (n, d) whose coefficients were fitted, in a record that does not repeat: the spectrum is that of the
+        noise before the fit (`mofit.data.signals.contrasts`).
     """
     count = len(residual)
     step = float((time[-1] - time[0]) / (count - 1))
@@ -117,22 +135,26 @@ def noise_process(
         harmonics = _bins(periods, LINES.harmonics)
         harmonics = harmonics[harmonics < count // 2]
     level = _level(noise, signal)
-    power = np.abs(np.fft.rfft(noise / level)) ** 2 / count / (1 - taken)
+    lines = np.fft.rfft(noise / level) / np.sqrt(count * (1 - taken))
+    beside = None
+    if fitted is not None and not len(harmonics):
+        beside = np.fft.rfft(fitted / level[:, None], axis=0) / np.sqrt(count)
+    power = np.abs(lines) ** 2
     known = np.ones(len(power), dtype=bool) if unknown is None else ~unknown
     known[0] = False
     if len(harmonics):
         every = _bins(periods, int(len(power) / periods))
         known[every[every < len(power)]] = False
-    spectrum, freedom = autoregressive_spectrum(power, known, count)
+    estimate = autoregressive_spectrum(lines, known, count, beside)
     used = known
     for _ in range(LINES.line_rounds if without_lines else 0):
-        quiet = known & (power < LINES.line * spectrum)
+        quiet = known & (power < LINES.line * estimate.averaged()[0])
         if np.array_equal(quiet, used):
             break
         used = quiet
-        spectrum, freedom = autoregressive_spectrum(power, used, count)
+        estimate = autoregressive_spectrum(lines, used, count, beside)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
-    return NoiseProcess(level, spectrum, freedom, harmonics, whole[harmonics])
+    return NoiseProcess(level, *estimate.averaged(), harmonics, whole[harmonics], estimate)
 
 
 def repeats(periods: float) -> bool:
