@@ -26,8 +26,8 @@ STARTS = 32
 class Calibration:
     """One fitted stage: its problem, the minimum (unit coordinates) and the Hessian of -log of the normal posterior.
 
-    ``freedom``: degrees of freedom of the noise behind it. ``log_odds``: of a long memory of the noise (1/f) to a short
-    one, by every record alone.
+    ``freedom``: degrees of freedom of the noise behind it. ``memory``: what every record tells of long memory in the
+    noise (1/f), see `mofit.data.signals.NoiseProcess`, (objectives, M).
     """
 
     stage: Stage
@@ -35,7 +35,7 @@ class Calibration:
     minimum: FloatArray
     hessian: FloatArray
     freedom: float
-    log_odds: FloatArray
+    memory: FloatArray
 
     @property
     def outputs(self) -> list[str]:
@@ -43,14 +43,13 @@ class Calibration:
         outputs = self.problem.model.outputs
         return [outputs[output].name for _, output in objective_pairs(self.problem.experiments)]
 
-    def beside(self, others: Mapping[str, float]) -> Calibration:
-        """The same estimate, as certain as the noise is with the log odds of its records and those of others.
+    def with_memory(self, memory: Mapping[str, FloatArray]) -> Calibration:
+        """The same estimate, as certain as it is with the noise that all records of its outputs tell together.
 
-        Whether the noise of an output has a long memory is one question to all of its records; a short one hardly
-        tells. ``others``: the sum of all log odds, of every output by its name.
+        ``memory``: the sum over them, of every output by its name.
         """
-        rest = np.array([others.get(name, 0.0) for name in self.outputs]) - self.log_odds
-        noise = replace(self.problem.noise, long_memory=rest)
+        others = np.array([memory[name] for name in self.outputs]) - self.memory
+        noise = replace(self.problem.noise, memory=others)
         return _calibration(self.stage, replace(self.problem, noise=noise), self.minimum)
 
     @property
@@ -134,15 +133,15 @@ def calibrate(
         chosen, own = campaign.select(tests), space.subset(free)
         problem = build_problem(reduced, chosen, space=own, fixed=known, settled=stage.settled, jobs=jobs)
         found.append(_fit_stage(stage, problem, seed, start))
-    odds = summed_log_odds(found)
-    return [one.beside(odds) for one in found], warnings
+    memory = summed_memory(found)
+    return [one.with_memory(memory) for one in found], warnings
 
 
-def summed_log_odds(calibrations: Sequence[Calibration]) -> dict[str, float]:
-    """Log odds for long memory that all records of an output have together, by its name."""
-    found: dict[str, float] = {}
+def summed_memory(calibrations: Sequence[Calibration]) -> dict[str, FloatArray]:
+    """What all records of an output together tell of long memory in its noise, by its name, (M,) each."""
+    found: dict[str, FloatArray] = {}
     for one in calibrations:
-        for name, own in zip(one.outputs, one.log_odds.tolist(), strict=True):
+        for name, own in zip(one.outputs, one.memory, strict=True):
             found[name] = found.get(name, 0.0) + own
     return found
 
@@ -180,7 +179,7 @@ def _fit_stage(stage: Stage, problem: Problem, seed: int, start: Mapping[str, fl
 def _calibration(stage: Stage, problem: Problem, point: FloatArray) -> Calibration:
     adjusted = adjusted_posterior(problem, point)
     return Calibration(
-        stage, problem, point, adjusted.normal_hessian, adjusted.adjustment.freedom, adjusted.score.log_odds
+        stage, problem, point, adjusted.normal_hessian, adjusted.adjustment.freedom, adjusted.score.memory
     )
 
 

@@ -57,8 +57,8 @@ class Score:
     """Those behind the gap."""
     gap_squares: tuple[float, float] = (0.0, 0.0)
     """Mean squared amplitude of the gap on the fundamentals and on the harmonics, relative to the output's range."""
-    log_odds: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """Of a long memory of the noise to a short one, by the record of each objective alone, (T,)."""
+    memory: FloatArray = field(default_factory=lambda: np.zeros((0, 1)))
+    """What the record of each objective tells of long memory in its noise, (T, M)."""
 
     def for_a_normal(self) -> Score:
         """The same with the noise so large that normal intervals (90 %) are as wide as those of the t distributions.
@@ -92,7 +92,7 @@ def normal_variance(freedom: ArrayLike) -> FloatArray:
 
 def join_scores(scores: list[Score]) -> Score:
     """All tests of several problems; freedom and size of the gap are the first one's."""
-    per_test = ("slope", "normal", "noise", "gap", "freedom", "log_odds")
+    per_test = ("slope", "normal", "noise", "gap", "freedom", "memory")
     together: dict[str, Any] = {name: np.concatenate([getattr(score, name) for score in scores]) for name in per_test}
     return replace(scores[0], **together)
 

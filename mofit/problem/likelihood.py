@@ -43,8 +43,9 @@ class Noise:
     the paper's objective."""
     absorbed: int = 0
     """Scoped values that are fitted along: each takes a residual's information."""
-    long_memory: FloatArray | float = 0.0
-    """Log odds for long memory (1/f noise) that other records of the same noise give."""
+    memory: FloatArray | None = None
+    """What other records of the same noise tell of its long memory (`mofit.data.signals.NoiseProcess`), if they do;
+    (objectives, M)."""
 
     @property
     def variance(self) -> FloatArray:
@@ -60,9 +61,9 @@ class Noise:
 
     def select(self, index: list[int]) -> Noise:
         """The noise of some of the objectives."""
-        memory = np.broadcast_to(self.long_memory, self.count.shape)[index]
+        memory = None if self.memory is None else self.memory[index]
         chosen = replace(self, count=self.count[index], floor=self.floor[index], independent=self.independent[index])
-        return replace(chosen, long_memory=memory)
+        return replace(chosen, memory=memory)
 
     def at(self, nrmsd: FloatArray, independent: FloatArray) -> Noise:
         """Noise as seen at a point: independent residuals counted there, gap estimated from the NRMSD there."""

@@ -184,7 +184,7 @@ class Problem:
         sums = self.sums(point[None])
         experiments = self._with_common_residuals(values)
         responses = map(in_unit, self.simulator.one_by_one(values, derivatives=True))
-        weights, memory = self.noise.weights, self.noise.long_memory
+        weights, memory = self.noise.weights, self.noise.memory
         return score_covariance(sums, weights, experiments, self.periods, responses, memory)
 
     def _with_common_residuals(self, values: FloatArray) -> tuple[ExperimentData, ...]:

@@ -23,7 +23,7 @@ def score_covariance(
     experiments: Sequence[ExperimentData],
     periods: Sequence[float | None],
     responses: Iterable[tuple[FloatArray, FloatArray]],
-    long_memory: FloatArray | float = 0.0,
+    memory: FloatArray | None = None,
 ) -> Score:
     """The score of every objective at one point; see `mofit.problem.Score`.
 
@@ -38,16 +38,16 @@ def score_covariance(
     responses
         Of every test: outputs (n, ny) and their sensitivities by the unit coordinates (n, ny, d). Each is
         dropped before the next is asked for.
-    long_memory
+    memory
         What other records tell of the noise of each objective (`mofit.problem.Noise`).
     """
-    noise, lines, freedom, odds, powers = [], [], [], [], list[FloatArray]()
-    responses, others = iter(responses), iter(np.broadcast_to(long_memory, weights.shape).tolist())
+    noise, lines, freedom, own_memory, powers = [], [], [], [], list[FloatArray]()
+    responses, others = iter(responses), iter(np.zeros((len(weights), 1)) if memory is None else memory)
     for experiment, period in zip(experiments, periods, strict=True):
         # handed on, not held: a response and the processes of a test are as large as its record
-        for own, on_lines, known, power, log_odds in _moments(experiment, period, *next(responses), others):
+        for own, on_lines, known, power, told in _moments(experiment, period, *next(responses), others):
             noise.append(own)
-            odds.append(log_odds)
+            own_memory.append(told)
             lines.append(on_lines)
             freedom.append(known)
             powers.append(power)
@@ -61,7 +61,7 @@ def score_covariance(
         freedom=np.array(freedom),
         gap_freedom=gap_freedom,
         gap_squares=excess,
-        log_odds=np.array(odds),
+        memory=np.array(own_memory),
     )
 
 
@@ -90,21 +90,21 @@ def _moments(
     period: float | None,
     output: FloatArray,
     slopes: FloatArray,
-    long_memory: Iterator[float],
-) -> list[tuple[FloatArray, list[FloatArray], float, FloatArray, float]]:
+    memory: Iterator[FloatArray],
+) -> list[tuple[FloatArray, list[FloatArray], float, FloatArray, FloatArray]]:
     """Of every output in a test: covariance of the score by noise and by gaps, and of the noise what follows.
 
-    Its degrees of freedom, the line powers, and the log odds for long memory.
+    Its degrees of freedom, the line powers, and what the record tells of long memory.
 
     The gaps are 1 on the fundamental, and 1 on the harmonics. The true one is linear in the excess,
     which is known only when all tests have been seen.
     """
     found = []
     for alone, own in _residual_noise(experiment, period, output, slopes):
-        process = alone.beside(next(long_memory))
+        process = alone.beside(next(memory))
         lines = [process.score_covariance(own, _on_lines(process, unit)) for unit in ((1.0, 0.0), (0.0, 1.0))]
         freedom = process.effective_degrees_of_freedom(own)
-        found.append((process.score_covariance(own), lines, freedom, _line_powers(process), process.log_odds))
+        found.append((process.score_covariance(own), lines, freedom, _line_powers(process), process.memory))
     return found
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from mofit.data.signals import noise_process
+from mofit.data.signals import NoiseProcess, noise_process
 from mofit.data.signals.contrasts import Contrasts
+from mofit.problem.curvature_adjustment import normal_variance
 
 COUNT = 400
 TIME = np.arange(COUNT) * 0.1
@@ -85,26 +86,35 @@ def test_records_together_tell_a_long_memory() -> None:
         noise = long_memory(rng)
         processes.append(noise_process(beside_fit(noise), STROKE, TIME, None, fitted=FITTED))
         errors.append(orthogonal.T @ noise)
-    odds = np.array([process.log_odds for process in processes])
-    assert np.mean(np.abs(odds) < 3) > 0.7
-    assert odds.sum() > 5
-    squares = {
-        name: [error @ np.linalg.solve(one.beside(others).score_covariance(orthogonal), error) / 2
-               for one, error in zip(processes, errors, strict=True)]
-        for name, others in (("alone", 0.0), ("together", float(odds.sum())))
-    }  # fmt: skip
-    assert np.mean(squares["together"]) < 0.75 * np.mean(squares["alone"])
-    assert 0.7 < np.median(squares["together"]) / np.log(2) < 1.6  # of chi-square with two degrees of freedom
+    memory = np.array([process.memory for process in processes])
+    assert np.mean(np.abs(memory) < 4) > 0.7
+    together = memory.sum(axis=0)
+    assert np.argmax(together) in (3, 4)  # exponents of 0.45 and 0.6; that of 1/f noise is 0.5
+    assert together[3:].max() - together[:2].max() > 10
+
+    def squares(process: NoiseProcess, error: np.ndarray) -> float:
+        """As large as an exponential variable: half of chi-square with two degrees of freedom."""
+        covariance = process.score_covariance(orthogonal)
+        covariance *= normal_variance(process.effective_degrees_of_freedom(orthogonal))
+        return float(error @ np.linalg.solve(covariance, error)) / 2
+
+    alone = [squares(one, error) for one, error in zip(processes, errors, strict=True)]
+    beside = [squares(one.beside(together - one.memory), error) for one, error in zip(processes, errors, strict=True)]
+    assert np.mean(beside) < 0.75 * np.mean(alone)
+    assert 0.5 < np.median(beside) / np.log(2) < 1.7
 
 
 @pytest.mark.parametrize("coefficient", [0.0, 0.8])
 def test_noise_with_a_short_memory_has_none_together(coefficient: float) -> None:
     rng = np.random.default_rng(1)
-    noises = lfilter([1.0], [1.0, -coefficient], rng.standard_normal((6, COUNT + 100)))[:, 100:]
-    assert sum(noise_process(noise, STROKE, TIME, None).log_odds for noise in noises) < -5
+    noises = lfilter([1.0], [1.0, -coefficient], rng.standard_normal((8, COUNT + 100)))[:, 100:]
+    together = np.sum([noise_process(noise, STROKE, TIME, None).memory for noise in noises], axis=0)
+    assert together[0] == 0
+    assert np.all(np.diff(together) < 0)
+    assert together[3] < -5
 
 
 def test_a_record_that_tells_nothing_stays_as_it_is() -> None:
     short = noise_process(np.random.default_rng(2).standard_normal(60), STROKE[:60], TIME[:60], None)
-    assert short.log_odds == 0
-    np.testing.assert_array_equal(short.beside(50.0).spectrum, short.spectrum)
+    assert not short.memory.any()
+    np.testing.assert_array_equal(short.beside(50 * np.arange(5.0)).spectrum, short.spectrum)

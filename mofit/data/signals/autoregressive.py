@@ -12,13 +12,13 @@ Patterson and Thompson, "Recovery of inter-block information when block sizes ar
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit
+from scipy.special import softmax
 
 from mofit._typing import FloatArray
 from mofit.data.signals.contrasts import Contrasts
@@ -51,27 +51,27 @@ SETTINGS = SpectrumSettings()
 
 @dataclass(frozen=True)
 class SpectrumEstimate:
-    r"""The spectrum of a noise by processes with short memory, and by processes with long memory if any were tried.
+    r"""The spectrum of a noise by processes of every memory that was tried: exponents d of 0 and `memories`.
 
     Each is :math:`\log S` on the bins and the variance of that, (2, n // 2 + 1).
     """
 
-    short: FloatArray
-    long: FloatArray | None
-    log_odds: float
-    """Of a long memory to a short one, by this record alone; 0 if none was tried."""
+    by_memory: tuple[FloatArray, ...]
+    """Of exponent 0, and of the others in a record that may tell them."""
+    memory: FloatArray
+    """Log of Akaike's weight of every exponent (M,), relative to that of 0, by this record alone."""
 
-    def averaged(self, others: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    def averaged(self, others: FloatArray | float = 0.0) -> tuple[FloatArray, FloatArray]:
         r"""Spectrum S and its degrees of freedom, :math:`2 / \mathrm{var}(\log S)`, on the bins.
 
-        The variance is that within a process by Fisher's information, and that between them. ``others`` are log odds
-        for long memory that other records of the same noise add.
+        The variance is that within a process by Fisher's information, and that between them. ``others``: sum of
+        `memory` (M,) over the other records of the same noise, which has one exponent in all of them.
         """
-        parts = [(1.0, self.short)]
-        if self.long is not None:
-            probability = float(expit(self.log_odds + others))
-            parts = [(1 - probability, self.short), (probability, self.long)]
-        mean, variance = _mixed(parts)
+        logarithms = self.memory + others
+        # one coefficient more, and as many ways for chance as exponents are tried
+        logarithms[1:] -= 1 + np.log(len(logarithms) - 1)
+        weights = softmax(logarithms[: len(self.by_memory)])
+        mean, variance = _mixed(list(zip(weights.tolist(), self.by_memory, strict=True)))
         return np.exp(mean), np.maximum(2 / np.maximum(variance, 0.5 / len(mean)), 2.0)
 
 
@@ -100,23 +100,23 @@ def autoregressive_spectrum(
     number, power = int(known.sum()), np.abs(lines) ** 2
     if number == 0:
         level = np.full(len(power), np.log(max(float(power.mean()), _TINY)))
-        return SpectrumEstimate(np.stack([level, np.ones(len(level))]), None, 0.0)
+        return SpectrumEstimate((np.stack([level, np.ones(len(level))]),), no_memory())
     highest = max(min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
     turn: NDArray[Any] = -2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(highest + 1))
     np.exp(turn, out=turn)
     record = Contrasts.of(lines, known, fitted)
-    short, long = _Fits(), _Fits()
-    for fit in _autoregressive(record, np.ones(len(power)), turn):
-        short.add(fit)
+    found = [_Fits(_autoregressive(record, np.ones(len(power)), turn))]
     for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
-        # one coefficient more, and as many ways for chance as exponents are tried
-        penalty = 1 + np.log(len(SETTINGS.memories))
         shape = _long_memory(count, exponent)[: len(power)]
-        for fit in _autoregressive(record, shape, turn[:, : SETTINGS.memory_order + 1]):
-            long.add(replace(fit, criterion=fit.criterion + penalty))
-    if not long:
-        return SpectrumEstimate(short.averaged(), None, 0.0)
-    return SpectrumEstimate(short.averaged(), long.averaged(), long.log_weight - short.log_weight)
+        found.append(_Fits(_autoregressive(record, shape, turn[:, : SETTINGS.memory_order + 1])))
+    memory = no_memory()
+    memory[: len(found)] = [one.log_weight - found[0].log_weight for one in found]
+    return SpectrumEstimate(tuple(one.averaged() for one in found), memory)
+
+
+def no_memory() -> FloatArray:
+    """What a record tells of the exponent that tells nothing, (M,)."""
+    return np.zeros(1 + len(SETTINGS.memories))
 
 
 @dataclass(frozen=True)
@@ -131,20 +131,15 @@ class _Fit:
 class _Fits:
     """Processes that are averaged; those that a better one leaves without any weight are not kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, fits: Iterable[_Fit]) -> None:
         self._criteria: list[float] = []
         self._kept: dict[int, _Fit] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._criteria)
-
-    def add(self, fit: _Fit) -> None:
-        """One more."""
-        self._kept[len(self._criteria)] = fit
-        self._criteria.append(fit.criterion)
-        # long records tell most of them apart beyond the range of floating-point numbers
-        relative = self._relative()
-        self._kept = {number: one for number, one in self._kept.items() if relative[number] != 0}
+        for fit in fits:
+            self._kept[len(self._criteria)] = fit
+            self._criteria.append(fit.criterion)
+            # long records tell most of them apart beyond the range of floating-point numbers
+            relative = self._relative()
+            self._kept = {number: one for number, one in self._kept.items() if relative[number] != 0}
 
     def averaged(self) -> FloatArray:
         """Log S and its variance by Akaike's weights, (2, bins)."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from mofit._typing import FloatArray
-from mofit.data.signals.autoregressive import SpectrumEstimate, autoregressive_spectrum
+from mofit.data.signals.autoregressive import SpectrumEstimate, autoregressive_spectrum, no_memory
 from mofit.data.signals.periodicity import periodic_fit
 
 _TINY = np.finfo(float).tiny
@@ -49,12 +49,12 @@ class NoiseProcess:
     """What the spectrum was averaged from, if it was estimated."""
 
     @property
-    def log_odds(self) -> float:
-        """Of a long memory (1/f noise) to a short one, by this record alone; 0 if it does not tell."""
-        return self.estimate.log_odds if self.estimate else 0.0
+    def memory(self) -> FloatArray:
+        """What this record alone tells of long memory (1/f noise), see `SpectrumEstimate`; zeros if nothing."""
+        return self.estimate.memory if self.estimate else no_memory()
 
-    def beside(self, others: float) -> NoiseProcess:
-        """The same with what other records of the noise tell of its memory: their log odds, added up."""
+    def beside(self, others: FloatArray | float) -> NoiseProcess:
+        """The same with what other records of the noise tell of its memory: the sum of theirs."""
         if self.estimate is None:
             return self
         spectrum, freedom = self.estimate.averaged(others)
