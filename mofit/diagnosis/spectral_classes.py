@@ -223,7 +223,8 @@ def highest_frequency(
         return None
     highest = min(records[i].frequencies[-1] for i in places)
     longest = max(records[i].count * records[i].step for i in places)
-    grid = np.arange(1, int(2 * longest * highest)) / (2 * longest)
+    # less than a cycle in the longest record is no line: noise with a long memory drifts as much
+    grid = np.arange(2, int(2 * longest * highest)) / (2 * longest)
     # the slowest lines of a coloured noise are hardly known
     known = [(records[i].frequencies, records[i].process.degrees_of_freedom) for i in places]
     freedom = np.array([np.interp(grid, *one) for one in known])
