@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -59,7 +59,8 @@ class Conclusion:
     Parameters
     ----------
     effects, families
-        Those of the indistinguishable models, the most probable first.
+        Those of the indistinguishable models: effects beyond doubt first, and of these what the model lacks before what
+        the rig adds; then the most probable first.
     indistinguishable
         The models with effects that the data cannot distinguish from the best, the best first.
     residual_share
@@ -239,7 +240,20 @@ def _named_effects(
         holder = next(one for one in equal if name in one.effects)
         probability = sum(w for w, one in zip(weights, models, strict=True) if name in one.effects)
         found.append(_named(holder, name, float(probability)))
-    return tuple(sorted(found, key=lambda effect: -effect.probability))
+    return in_order(found, doubtful_effects([one.effects for one in equal]))
+
+
+def in_order(effects: Sequence[NamedEffect], doubtful: Collection[str]) -> tuple[NamedEffect, ...]:
+    """Beyond doubt first: what the model lacks, then what the rig adds; then those that are ``doubtful``.
+
+    Of equals the most probable first.
+    """
+
+    def place(one: NamedEffect) -> tuple[bool, bool, float]:
+        unsure = one.name in doubtful
+        return unsure, one.of_rig and not unsure, -one.probability
+
+    return tuple(sorted(effects, key=place))
 
 
 def _named_families(
@@ -249,7 +263,8 @@ def _named_families(
         NamedFamily(name, float(sum(w for w, one in zip(weights, models, strict=True) if name in one.families)))
         for name in dict.fromkeys(effect.family for effect in effects)
     ]
-    return tuple(sorted(found, key=lambda family: -family.probability))
+    # of families that are sure alike, the order of their effects counts
+    return tuple(sorted(found, key=lambda family: -round(family.probability, 6)))
 
 
 def _named(model: CandidateModel, name: str, probability: float) -> NamedEffect:

@@ -21,6 +21,7 @@ from mofit.diagnosis.main_cause import Case, investigate, main_causes, rivals, s
 from mofit.diagnosis.measured_shrinkage import measured_shrinkage
 from mofit.diagnosis.missing_laws import missing_laws
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
+from mofit.diagnosis.motion_scales import motion_scales
 from mofit.diagnosis.next_experiment import next_experiment
 from mofit.diagnosis.notes import at_ends, at_most, of_tests
 from mofit.diagnosis.proposal import Proposal, propose
@@ -121,10 +122,13 @@ def _diagnosed(
     selected = campaign.select(tests)
     laws, scales = missing_laws(model, selected, over, settings.fixed), data_scales(model, selected)
     named, left_out = choose_effects(model, selected, effects, laws)
-    chosen = [ranged(effect, scales, settings.bounds, settings.scopes) for effect in named]
-    settings = _of_model(settings, chosen)
     progress("baseline", 0, 1, "the model without effects")
-    baseline, notes = baseline_in_wide_ranges(model, campaign, settings, tests, simulators)
+    baseline, notes = baseline_in_wide_ranges(model, campaign, _of_model(settings, named), tests, simulators)
+    chosen = [
+        ranged(effect, scales | moved, settings.bounds, settings.scopes)
+        for effect, moved in zip(named, motion_scales(baseline, named, scales), strict=True)
+    ]
+    settings = _of_model(settings, named)
     first = investigate(baseline, chosen, rules, settings.seed, progress)
     observed = first.found.baseline.hypothesis.observed
     case, ending = _graded(first, observed, chosen, records, settings.seed, progress)

@@ -123,9 +123,9 @@ class _Search:
         models = (better.get(one.effects, one) for one in self.models)
         return replace(self, models=tuple(sorted(models, key=_order)))
 
-    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress) -> _Search:
+    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress, most: int | None = None) -> _Search:
         """With refits of the baseline plus each of the candidates whose scores promise something."""
-        kept, passed_over = promising(scores, share, self.settings.most_refits)
+        kept, passed_over = promising(scores, share, most or self.settings.most_refits)
         return replace(self.extended(self.baseline, kept, progress), passed_over=passed_over)
 
     def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
@@ -158,6 +158,9 @@ def attribute(
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right, and the minimum
         # may lie far beyond the size that its score lets expect
         state = state.singly(scores, settings.relaxed_promising, progress).beyond(scores, progress)
+    if _leaves_more(state, 1 - settings.partly, settings.doubt):
+        # no cause of most of the gap is among them: none is left out for the number of the others
+        state = state.singly(scores, settings.relaxed_promising, progress, most=len(scores))
     for count in range(1, settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0

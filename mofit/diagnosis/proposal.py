@@ -30,8 +30,10 @@ _Z90 = 1.645
 _WORSE = 2.0
 #: Of a single test.
 _PARTS = "parts left out in turn"
-#: Least number of folds with a gap that a term must halve: one may be predicted by chance. Of fewer it must shrink all.
+#: Least number of folds with a gap that a term must halve, or all that show one; of fewer folds it must shrink all.
 _FEWEST_FOLDS = 3
+#: But never a single one: that may be chance. So many must be promised, where refits decide.
+_MORE_THAN_CHANCE = 2
 
 
 @dataclass(frozen=True)
@@ -141,15 +143,26 @@ def propose(
     best = simplest(trials, least)
     if best.effect is None:
         return "no function of the model's inputs and states predicts it in data that were left out"
-    # one step from the fit to all selects, but a fit without a fold may lie far from that: refits decide
     noise = _at_most(noise, best.errors)
     shown = nothing > 2 * noise
-    many, folds = len(nothing) >= _FEWEST_FOLDS, "tests" if tests > 1 else "parts"
+    many, refits = len(nothing) >= _FEWEST_FOLDS, tests >= _FEWEST_FOLDS
     fewer = int(np.sum(best.errors[shown] < (0.5 if many else 1.0) * nothing[shown]))
-    if fewer < min(_FEWEST_FOLDS, len(nothing)):
-        what = f"{'halves' if many else 'shrinks'} it in {fewer} of {len(nothing)} {folds}"
-        return f"the best one ({_law(best.effect)}) {what}: it may be chance"
-    return _validated(starts, best, rules, seed)
+    needed = _needed(int(shown.sum())) if many else len(nothing)
+    # one step from the fit to all selects, but a fit without a fold may lie far from that: refits decide
+    if fewer < (_MORE_THAN_CHANCE if refits else needed):
+        return _chance(
+            best.effect, "halves" if many else "shrinks", fewer, len(nothing), "tests" if tests > 1 else "parts"
+        )
+    return _validated(starts, best, needed if refits else 0, seed)
+
+
+def _needed(shown: int) -> int:
+    """So many of the folds that show a gap must have it halved."""
+    return int(np.clip(shown, _MORE_THAN_CHANCE, _FEWEST_FOLDS))
+
+
+def _chance(effect: TermEffect, does: str, fewer: int, folds: int, what: str) -> str:
+    return f"the best one ({_law(effect)}) {does} it in {fewer} of {folds} {what}: it may be chance"
 
 
 def _at_most(noise: FloatArray, left: FloatArray) -> FloatArray:
@@ -163,8 +176,11 @@ def _again(fitted: Fitted, observed: WhitenedData) -> Fitted:
     return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
 
 
-def _validated(starts: Sequence[Fitted], best: Trial, rules: DiagnosisSettings, seed: int) -> Proposal | str:
-    """The proposal with final estimates and its share on tests left out, or why it is refused."""
+def _validated(starts: Sequence[Fitted], best: Trial, needed: int, seed: int) -> Proposal | str:
+    """The proposal with final estimates and its share on tests left out, or why it is refused.
+
+    So many tests ``needed`` must have their gap halved when they are left out.
+    """
     baseline, start = starts[0], starts[-1]
     observed, effect = baseline.hypothesis.observed, best.effect
     assert effect is not None  # there is one
@@ -181,6 +197,9 @@ def _validated(starts: Sequence[Fitted], best: Trial, rules: DiagnosisSettings, 
         return shrinkage.reason
     if shrinkage.ran_away:
         return f"without {' or '.join(one.name for one in shrinkage.ran_away)} the fit of the best term runs away"
+    halved = sum(one.share > 0.5 for one in alike.hold_outs)
+    if halved < needed:
+        return _chance(effect, "halves", halved, len(alike.hold_outs), "tests")
     reached = shrinkage.headline
     for one in (alike, reached):
         if one.low <= 0:

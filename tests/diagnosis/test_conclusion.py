@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mofit.diagnosis.conclusion import Finding, doubtful_effects, refutes
+from mofit.diagnosis.conclusion import Finding, NamedEffect, doubtful_effects, in_order, refutes
 from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.residual_tests import Residuals, ResidualTest
 from mofit.diagnosis.sentences import cause, left_over, nearest, refuted, unexplained
@@ -40,6 +40,18 @@ def test_indistinguishable_models_are_a_group():
     assert Finding(("delay",), True, 0.5, 0.01, 0.0, doubtful=True).verdict(DiagnosisSettings()) == "group"
     assert doubtful_effects([("delay", "drift"), ("drift", "sensor_lowpass")]) == {"delay", "sensor_lowpass"}
     assert doubtful_effects([("delay",)]) == set()
+
+
+def named(name, probability, of_rig):
+    return NamedEffect(name, name, name, probability, 1.0, 0.9, 1.1, "1", {}, False, of_rig)
+
+
+def test_what_the_model_lacks_is_named_before_what_the_rig_adds():
+    offset, drift = named("test_offset", 1.0, True), named("drift", 1.0 - 1e-9, False)
+    lag, speed = named("delay", 0.7, False), named("speed", 0.3, True)
+    assert in_order([offset, drift], set()) == (drift, offset)
+    assert in_order([speed, lag, offset], {"delay", "speed"}) == (offset, lag, speed)
+    assert in_order([lag, speed], {"delay", "speed"}) == (lag, speed)
 
 
 @pytest.mark.parametrize(
