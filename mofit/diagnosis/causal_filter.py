@@ -19,6 +19,8 @@ from mofit._typing import FloatArray
 
 #: Samples at the start whose noise the filter, without their past, leaves too large.
 _START = 64
+#: Share down to which a level is as certain as the filter has it: the ends of a record tell more than its middle.
+_ENDS = 0.8
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,9 @@ class CausalFilter:
         weights[:start] = 1 / np.sqrt(np.einsum("ij,jk,ik->i", past, covariance, past))
         level = _convolved(np.ones(count), forward) * weights
         size = float(np.linalg.norm(level))
-        share = min(float(np.sqrt(count / spectrum[0])) / size, 1.0)
-        return cls(forward, _minimum_phase(0.5 * np.log(spectrum), count), weights, level / size, share)
+        share = float(np.sqrt(count / spectrum[0])) / size
+        backward = _minimum_phase(0.5 * np.log(spectrum), count)
+        return cls(forward, backward, weights, level / size, share if share < _ENDS else 1.0)
 
     def apply(self, values: FloatArray) -> FloatArray:
         """White signals of signals (..., n)."""
