@@ -41,7 +41,7 @@ class BesideFitted(NamedTuple):
 
 @dataclass(frozen=True)
 class Contrasts:
-    """Lines of a residual (2, bins), real and imaginary part; which are known; fitted signals there (2, bins, q)."""
+    """Lines of a residual (2, bins), real and imaginary part; which are known; fitted signals there (2 bins, q)."""
 
     lines: FloatArray
     known: NDArray[np.bool_]
@@ -52,27 +52,26 @@ class Contrasts:
         """From complex lines (bins,), and those of the fitted signals (bins, d), which may depend on each other."""
         parts = np.stack([np.real(lines), np.imag(lines)])
         if fitted is None:
-            return cls(parts, known, np.zeros((2, len(known), 0)))
+            return cls(parts, known, np.zeros((2 * len(known), 0)))
         size = np.linalg.norm(fitted, axis=0)
         signals = fitted[:, size > 0] / size[size > 0] * known[:, None]
         rows = np.concatenate([signals.real, signals.imag])
         vectors, values, _ = np.linalg.svd(rows, full_matrices=False)
-        basis = vectors[:, values > _RANK]
-        return cls(parts, known, basis.reshape(2, len(known), basis.shape[1]))
+        return cls(parts, known, np.ascontiguousarray(vectors[:, values > _RANK]))
 
     def beside_fitted(self, spectrum: FloatArray) -> BesideFitted:
         """By generalised least squares for a spectrum (bins,)."""
-        if self.basis.shape[2] == 0:
+        if self.basis.shape[1] == 0:
             return BesideFitted(np.sum(self.lines**2, axis=0), np.zeros(len(spectrum)), 0.0)
         # a line of variance S has half of it in each part
-        scaled = self.basis / (0.5 * spectrum)[:, None]
-        information = np.einsum("pkq,pkr->qr", self.basis, scaled)
+        scaled = self.basis / np.tile(0.5 * spectrum, 2)[:, None]
+        information = self.basis.T @ scaled
         inverse = np.linalg.inv(information)
-        rest = self.lines - self.basis @ (inverse @ np.einsum("pkq,pk->q", scaled, self.lines))
-        absorbed = np.einsum("pkq,qr,pkr->k", self.basis, inverse, self.basis, optimize=True)
+        rest = self.lines - (self.basis @ (inverse @ (self.lines.ravel() @ scaled))).reshape(self.lines.shape)
+        absorbed = np.sum(((self.basis @ inverse) * self.basis).reshape(2, len(spectrum), -1), axis=(0, 2))
         return BesideFitted(np.sum(rest**2, axis=0), absorbed, float(np.linalg.slogdet(information)[1]))
 
     def scaled(self, shape: FloatArray) -> FloatArray:
         """A spectrum of this shape (bins,) at its most likely level."""
         squares = float(np.sum((self.beside_fitted(shape).power / shape)[self.known]))
-        return np.maximum(shape * squares / max(float(self.known.sum()) - 0.5 * self.basis.shape[2], 0.5), _TINY)
+        return np.maximum(shape * squares / max(float(self.known.sum()) - 0.5 * self.basis.shape[1], 0.5), _TINY)
