@@ -3,6 +3,9 @@
 A short record hardly tells noise with a long memory from noise with a short one, whose level changes less by far. So
 what all records tell is added up, that of the calibration tests too: the noise has one exponent in all of them. Its
 strength, and its colour beside the memory, each record tells for itself.
+
+The noise of a record that does not repeat is what a regression has left: part of a gap may be in it, and part of the
+noise is not. Such a record learns from the others, and tells them nothing.
 """
 
 from __future__ import annotations
@@ -24,11 +27,12 @@ def with_common_memory(
     """Records and stages with the memory that all of them together tell, and the problem with the stages' prior."""
     names = [problem.model.outputs[output].name for _, output, _ in records]
     memory = summed_memory(calibrations)
-    for name, (_, _, w) in zip(names, records, strict=True):
-        memory[name] = memory.get(name, 0.0) + w.process.memory
+    told = [w.process.memory * (w.periods > 0) for _, _, w in records]
+    for name, own in zip(names, told, strict=True):
+        memory[name] = memory.get(name, 0.0) + own
     found = [
-        (test, output, replace(w, process=w.process.beside(memory[name] - w.process.memory)))
-        for name, (test, output, w) in zip(names, records, strict=True)
+        (test, output, replace(w, process=w.process.beside(memory[name] - own)))
+        for name, own, (test, output, w) in zip(names, told, records, strict=True)
     ]
     stages = tuple(one.with_memory(memory) for one in calibrations)
     if problem.prior.names:
