@@ -5,7 +5,7 @@ what all records tell is added up, that of the calibration tests too: the noise 
 strength, and its colour beside the memory, each record tells for itself.
 
 The noise of a record that does not repeat is what a regression has left: part of a gap may be in it, and part of the
-noise is not. Such a record learns from the others, and tells them nothing.
+noise is not: colour of a gap looks like a short memory. Such a record tells the others of a long memory alone.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def with_common_memory(
     """Records and stages with the memory that all of them together tell, and the problem with the stages' prior."""
     names = [problem.model.outputs[output].name for _, output, _ in records]
     memory = summed_memory(calibrations)
-    told = [w.process.memory * (w.periods > 0) for _, _, w in records]
+    told = [w.process.memory * (w.periods > 0 or w.process.memory.max() > 0) for _, _, w in records]
     for name, own in zip(names, told, strict=True):
         memory[name] = memory.get(name, 0.0) + own
     found = [
