@@ -172,11 +172,9 @@ class Simulator:
         if not self.steps:
             return self._stored(p, derivatives=True)
         key = (self.experiments, self.steps, p.shape, p.tobytes())
-        found = self._recent.pop(key, None) or self._among_recent(p)
-        if found is None:
-            found = self._stored(p, derivatives=True)
-            for values in found:
-                values.flags.writeable = False
+        found = self._recent.pop(key, None) or self._among_recent(p) or self._stored(p, derivatives=True)
+        for values in found:
+            values.flags.writeable = False
         self._recent[key] = found
         while sum(values.nbytes for kept in self._recent.values() for values in kept) > _RECENT_BYTES:
             self._recent.popitem(last=False)
