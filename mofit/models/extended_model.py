@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import TypeVar
@@ -118,11 +118,13 @@ def incompatibility(effect: Effect, model: Model) -> str | None:
 
 def possible_targets(model: Model) -> tuple[str, ...]:
     """Inputs, announced quantities, outputs, rates of states, parameters and conditions of the model."""
-    if not isinstance(model, Hashable):  # a user's data class
+    try:
+        known = _targets.get(model)
+    except TypeError:  # a user's data class has no hash
         return _possible_targets(model)
-    if model not in _targets:
-        _targets[model] = _possible_targets(model)
-    return _targets[model]
+    if known is None:
+        known = _targets[model] = _possible_targets(model)
+    return known
 
 
 #: by model, with which they go: every effect asks for them, and the equations must be run for what they announce
