@@ -15,7 +15,6 @@ from cyclopts import App, Parameter
 from mofit import __version__
 from mofit.errors import InputError, Issue, raise_errors
 from mofit.identification.search_registry import search_help
-from mofit.units import parse_quantity
 
 T = TypeVar("T")
 
@@ -123,6 +122,8 @@ def cores(jobs: int | None) -> int:
 
 def seconds(option: str, text: str | None) -> float | None:
     """``"60s"``, ``"5 min"`` or ``"60"`` in s; None stays None; an `InputError` if it is no time."""
+    from mofit.units import parse_quantity  # late: NumPy comes with it, see `mofit.cli.main`
+
     if text is None:
         return None
     number, unit = re.fullmatch(r"\s*([-+.\d]*(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text, re.DOTALL).groups()  # type: ignore[union-attr]

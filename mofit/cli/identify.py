@@ -40,7 +40,6 @@ from mofit.cli.app import (
 from mofit.cli.time_limit import LATE
 from mofit.cli.time_limit import time_limit as ended_in
 from mofit.errors import InputError
-from mofit.parameters import PER_TEST
 
 
 @app.command
@@ -111,6 +110,7 @@ def identify(
     from mofit.cli.output import progress_bar, show_identification
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
+    from mofit.parameters import PER_TEST
     from mofit.results import summary as run_summary
     from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.api import identify as identified
@@ -205,6 +205,7 @@ def diagnose(
     from mofit.cli.output import progress_bar
     from mofit.identification.settings import Settings
     from mofit.models.fmu import fmu_reference
+    from mofit.parameters import PER_TEST
     from mofit.simulation.evaluation.executors import TIMEOUT
     from mofit.workflows.jobs import Job, diagnose_file
 

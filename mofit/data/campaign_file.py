@@ -115,7 +115,7 @@ def write_campaign(campaign: Campaign, path: str | Path) -> None:
 def _open(path: Path) -> tuple[xr.DataTree | None, list[Issue]]:
     """The tree in memory, and what is wrong with the file as a whole."""
     try:
-        tree = read_tree(path, "Write or copy it again; convert other formats with 'mofit import'")
+        tree = read_tree(path, "Write or copy it again; convert other formats with 'mofit import'", indexes=False)
     except InputError as error:
         return None, list(error.issues)
     issues = []

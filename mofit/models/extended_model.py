@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 
@@ -117,6 +118,20 @@ def incompatibility(effect: Effect, model: Model) -> str | None:
 
 def possible_targets(model: Model) -> tuple[str, ...]:
     """Inputs, announced quantities, outputs, rates of states, parameters and conditions of the model."""
+    try:
+        known = _targets.get(model)
+    except TypeError:  # a user's data class has no hash
+        return _possible_targets(model)
+    if known is None:
+        known = _targets[model] = _possible_targets(model)
+    return known
+
+
+#: by model, with which they go: every effect asks for them, and the equations must be run for what they announce
+_targets: WeakKeyDictionary[Model, tuple[str, ...]] = WeakKeyDictionary()
+
+
+def _possible_targets(model: Model) -> tuple[str, ...]:
     groups = (model.states, model.inputs, model.parameters, model.conditions)
     states, inputs, *constants = ([item.name for item in group] for group in groups)
     symbols = Symbols({name: ca.SX.sym(name) for name in chain(states, inputs, *constants)})

@@ -131,8 +131,10 @@ def _sync(path: Path) -> None:
         os.close(handle)
 
 
-def read_tree(path: Path, hint: str) -> xr.DataTree:
+def read_tree(path: Path, hint: str, *, indexes: bool = True) -> xr.DataTree:
     """All of a netCDF-4 file in memory; the file is closed again. Times are not decoded.
+
+    Making ``indexes`` of the coordinates imports much, and takes several times as long as reading.
 
     Raises
     ------
@@ -145,7 +147,7 @@ def read_tree(path: Path, hint: str) -> xr.DataTree:
     if path.stat().st_size == 0:
         raise InputError.of(where, "the file has zero length", hint)
     try:
-        with xr.open_datatree(path, engine="netcdf4", decode_times=False) as opened:
+        with xr.open_datatree(path, engine="netcdf4", decode_times=False, create_default_indexes=indexes) as opened:
             tree = loaded(opened.load())
     except Exception as error:  # noqa: BLE001  a damaged file raises anything, from OSError to RuntimeError
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -176,6 +177,7 @@ def _get_ready(prepare: Callable[[], None]) -> None:
 def _begin(begin: Callable[..., None], *arguments: Any) -> None:
     global _ready
     _ready = False
+    gc.freeze()  # what the parent has made stays: looking for garbage there copies its memory
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends its children
     end_with_parent()
     begin(*arguments)

@@ -172,15 +172,25 @@ class Simulator:
         if not self.steps:
             return self._stored(p, derivatives=True)
         key = (self.experiments, self.steps, p.shape, p.tobytes())
-        found = self._recent.pop(key, None)
-        if found is None:
-            found = self._stored(p, derivatives=True)
-            for values in found:
-                values.flags.writeable = False
+        found = self._recent.pop(key, None) or self._among_recent(p) or self._stored(p, derivatives=True)
+        for values in found:
+            values.flags.writeable = False
         self._recent[key] = found
         while sum(values.nbytes for kept in self._recent.values() for values in kept) > _RECENT_BYTES:
             self._recent.popitem(last=False)
         return found
+
+    def _among_recent(self, p: FloatArray) -> list[FloatArray] | None:
+        """The results of a single set that was one of several: of a minimum, among the trial points of a descent."""
+        if len(p) > 1:
+            return None
+        single = p.tobytes()
+        for (experiments, steps, shape, sets), found in reversed(self._recent.items()):
+            if (experiments, steps, shape[1:]) == (self.experiments, self.steps, p.shape[1:]):
+                for number in range(shape[0]):
+                    if sets[number * len(single) : (number + 1) * len(single)] == single:
+                        return [values[number : number + 1].copy(order="K") for values in found]
+        return None
 
     def cost(self, p: ArrayLike) -> FloatArray:
         r"""Weighted squares :math:`\sum_k w_{ky} (y_{ky} - m_{ky})^2` per set and objective, (N, T); nan: failed.

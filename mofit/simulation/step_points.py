@@ -1,4 +1,4 @@
-"""The steps of a test and the inputs at their nodes: the same for all models that read these inputs."""
+"""The steps of a test and the inputs at their nodes: the same for all models that switch at the same times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.models import System
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.table_cache import TableCache
-from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches, switch_program
+from mofit.simulation.time_grid import StepLevel, build_time_grid, find_switches
 
 #: steps up to which the inputs are kept: those of long records take several times the memory of the samples
 _MOST_STEPS = 50_000
@@ -33,8 +33,7 @@ class StepPoints:
         The first sample of the inputs, (nu,).
     """
 
-    def __init__(self, system: System, experiment: ExperimentData, level: StepLevel) -> None:
-        switches = find_switches(system, experiment.origin or experiment)
+    def __init__(self, experiment: ExperimentData, level: StepLevel, switches: tuple[FloatArray, FloatArray]) -> None:
         # before the grid is there: making the curve of the inputs takes several times its memory
         self.first = experiment.at(np.zeros(1))[:, 0]
         grid = build_time_grid(experiment, level, switches)
@@ -69,11 +68,13 @@ class StepPoints:
 
 def step_points(system: System, experiment: ExperimentData, level: StepLevel) -> StepPoints:
     """The steps of a test as a system and a step level cut them; those of a short test are kept while there is room."""
+    switches = find_switches(system, experiment.origin or experiment)
     if experiment.samples * level.steps > _MOST_STEPS:
-        return StepPoints(system, experiment, level)
+        return StepPoints(experiment, level, switches)
     cache = _points.setdefault(experiment, TableCache())
-    name = (level, switch_program(system))
-    return cache.table(name, lambda: StepPoints(system, experiment, level), {name})
+    # systems of other switches, which few have, share them, too
+    name = (level, *(times.tobytes() for times in switches))
+    return cache.table(name, lambda: StepPoints(experiment, level, switches), {name})
 
 
 #: by test, with which they go

@@ -107,20 +107,22 @@ def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArra
     Only switches that inputs and conditions decide alone: they are the same for all parameter
     sets. A step across a kink would be of second order only.
     """
-    known, program = _switches.setdefault(experiment, {}), switch_program(system)
-    if program not in known:
+    known, programs = _switches.setdefault(experiment, {}), switch_programs(system)
+    for program in (one for one in programs if one not in known):
         known[program] = _find(program, experiment)
         experiment.forget_curves()
-    return known[program]
+    found = [known[program] for program in programs]
+    low, high = (np.concatenate([np.empty(0), *(times[side] for times in found)]) for side in (0, 1))
+    return _separate(low, high, experiment.step)
 
 
-#: by test, with which they go, and functions whose sign decides: models that share these share the switches
+#: by test, with which they go, and function whose sign decides: models that share it share its switches
 _switches: WeakKeyDictionary[ExperimentData, dict[Program, tuple[FloatArray, FloatArray]]] = WeakKeyDictionary()
 
 
 def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:
-    """The same for the functions whose sign decides."""
-    if not program.outputs[0] or experiment.samples < 2:
+    """The same for one function whose sign decides."""
+    if experiment.samples < 2:
         return np.empty(0), np.empty(0)
 
     def sides(time: FloatArray) -> FloatArray:
@@ -160,8 +162,8 @@ def _separate(low: FloatArray, high: FloatArray, step: float) -> tuple[FloatArra
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def switch_program(system: System) -> Program:
-    """The functions of inputs and conditions whose sign decides a branch, as one output."""
+def switch_programs(system: System) -> tuple[Program, ...]:
+    """The functions of inputs and conditions whose sign decides a branch."""
     x, u, p, c = system.rhs.sx_in()
     everything = ca.densify(ca.vertcat(system.rhs(x, u, p, c), system.out(x, u, p, c)))
     program = trace(ca.Function("everything", [x, u, p, c], [everything]))
@@ -175,5 +177,5 @@ def switch_program(system: System) -> Program:
             levels.append(levels[node.args[0]] | levels[node.args[1]])
             found.add(len(nodes) - 1)
     roots = sorted(index for index in found if levels[index] == TIME)
-    # only what they need, so that models that differ elsewhere have the same program
-    return pruned(Program(tuple(nodes), (tuple(roots),)))
+    # only what they need, so that models that differ elsewhere have the same programs
+    return tuple(dict.fromkeys(pruned(Program(tuple(nodes), ((root,),))) for root in roots))

@@ -107,6 +107,13 @@ def test_commands_that_draw_nothing_import_no_matplotlib(rig):
     assert done.returncode == 0, done.stderr
 
 
+def test_linear_algebra_is_told_of_one_thread_before_numpy_is_there():
+    # later the library has made its threads, which take the cores from the kernel's in busy loops
+    script = "import sys, mofit.cli; sys.exit('numpy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
 def test_identify_prints_one_json_object_and_nothing_else(rig, gain, empty, capsys):
     assert main(["identify", str(rig), "--model", gain, "--json", "--jobs", "1"]) == 0
     summary = json.loads(capsys.readouterr().out)

@@ -1,4 +1,6 @@
 import hashlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -119,6 +121,14 @@ def test_units_in_a_file_are_converted(tmp_path):
     np.testing.assert_allclose(test.channel("slip_angle"), np.deg2rad(wave))
     np.testing.assert_allclose(test.channel("lateral_force"), 1000 * wave)
     assert test.units == {"slip_angle": "rad", "lateral_force": "N"}
+
+
+def test_reading_si_units_imports_no_converter_of_units(tmp_path, campaign):
+    path = tmp_path / "campaign.nc"
+    write_campaign(campaign, path)
+    script = f"import sys, mofit.data; mofit.data.read_campaign({str(path)!r}); sys.exit('pint' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_selecting_and_asking_name_what_is_missing(campaign):

@@ -1,10 +1,12 @@
 """Every effect on every model that admits it: no change at the neutral value, a change at others, exact slopes."""
 
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 import pytest
 
-from mofit.models import Effect, Model, apart, build_system, incompatibility, with_effects
+from mofit.models import Channel, Effect, Equations, Model, Symbols, apart, build_system, incompatibility, with_effects
 from mofit.models.registry import effect_names, find_effect, find_model, model_names
 from mofit.simulation.ranges import scaled
 
@@ -54,6 +56,26 @@ class Point:
         both = ca.vertcat(system.rhs(x, inputs, p, self.c), system.out(x, inputs, p, self.c))
         jacobian = ca.Function("j", [p], [ca.jacobian(both, p)])([values[name] for name in system.parameters]).full()
         return jacobian[:, [system.parameters.index(name) for name in names]]
+
+
+@dataclass
+class Spring(Model):
+    """A user's data class, which has no hash."""
+
+    stiffness: float = 1e4
+    name = "spring"
+    inputs = (Channel("displacement", "m"),)
+    outputs = (Channel("force", "N"),)
+
+    def equations(self, s: Symbols) -> Equations:
+        return Equations(outputs={"force": self.stiffness * s.displacement})
+
+
+def test_a_model_without_a_hash_takes_effects():
+    offset = find_effect("force_offset")
+    system = build_system(with_effects(Spring(2e4), offset))
+    (size,) = offset.size
+    assert float(system.out([], [0.1], [3.0 if name == size else 0.0 for name in system.parameters], [])) == 2003.0
 
 
 def test_every_effect_fits_some_model():
