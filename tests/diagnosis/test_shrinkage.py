@@ -14,7 +14,7 @@ from mofit.simulation.virtual_rig import plan as plans
 from mofit.simulation.virtual_rig.rig import run_plan
 
 FRICTION = (("dry_friction", (("F_d", 30.0),)),)
-SMALL = ((0.001, 0.5, 4), (0.001, 1.0, 6), (0.001, 2.0, 8))
+SMALL = ((0.0005, 0.5, 4), (0.0005, 1.0, 6), (0.0005, 2.0, 8))
 
 
 def campaign(strokes, cubic, seed=1, noise=damper_rig.NOISE):
@@ -73,7 +73,7 @@ def test_the_interval_is_as_wide_as_the_tests_disagree() -> None:
 
 def test_where_a_fit_runs_away_nothing_counts_as_removed() -> None:
     """Without the large strokes the small ones say little of a cubic spring: the lower end counts that, by name."""
-    strokes = (*((0.001, frequency, periods) for _, frequency, periods in SMALL), (0.02, 1.0, 6), (0.02, 0.5, 4))
+    strokes = (*((0.0005, frequency, periods) for _, frequency, periods in SMALL), (0.02, 1.0, 6), (0.02, 0.5, 4))
     data = campaign(strokes, 3e7, noise=20.0)
     found = diagnose(data, find_model("kelvin_voigt_damper"), ("cubic_stiffness", "delay"), Settings(jobs=1))
     assert found.shrinkage is not None
