@@ -73,8 +73,11 @@ class Whitening:
 
     @property
     def noise_sd(self) -> float:
-        """Standard deviation of the noise over the samples used, in the output's unit."""
-        variance = np.average(self.process.spectrum, weights=self._weight) * np.mean(self.process.level**2)
+        """Standard deviation of the noise about its level over the samples used, in the output's unit.
+
+        With a long memory (1/f) the level itself would move by as much.
+        """
+        variance = np.average(self.process.spectrum[1:], weights=self._weight[1:]) * np.mean(self.process.level**2)
         return float(np.sqrt(variance))
 
     @property
