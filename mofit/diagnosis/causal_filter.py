@@ -19,24 +19,15 @@ from mofit._typing import FloatArray
 
 #: Samples at the start whose noise the filter, without their past, leaves too large.
 _START = 64
-#: Share down to which a level is as certain as the filter has it: the ends of a record tell more than its middle.
-_ENDS = 0.8
 
 
 @dataclass(frozen=True)
 class CausalFilter:
-    """A filter of n coefficients, its inverse, and the weights (n,) that give noise of variance 1 from the start.
-
-    Noise with a long memory has a level that its past has left, and all white samples share what the filter, without
-    that past, leaves of it. Along a ``constant`` (n,), of unit length when white, they shrink to a ``share``: a level
-    is as uncertain as the spectrum at zero says.
-    """
+    """A filter of n coefficients, its inverse, and the weights (n,) that give noise of variance 1 from the start."""
 
     forward: FloatArray
     backward: FloatArray
     weights: FloatArray
-    constant: FloatArray
-    share: float
 
     @classmethod
     def whitening(cls, spectrum: FloatArray, count: int) -> CausalFilter:
@@ -47,23 +38,15 @@ class CausalFilter:
         covariance = toeplitz(fft.irfft(spectrum, count)[:start])
         weights = np.ones(count)
         weights[:start] = 1 / np.sqrt(np.einsum("ij,jk,ik->i", past, covariance, past))
-        level = _convolved(np.ones(count), forward) * weights
-        size = float(np.linalg.norm(level))
-        share = float(np.sqrt(count / spectrum[0])) / size
-        backward = _minimum_phase(0.5 * np.log(spectrum), count)
-        return cls(forward, backward, weights, level / size, share if share < _ENDS else 1.0)
+        return cls(forward, _minimum_phase(0.5 * np.log(spectrum), count), weights)
 
     def apply(self, values: FloatArray) -> FloatArray:
         """White signals of signals (..., n)."""
-        return self._along_constant(_convolved(values, self.forward) * self.weights, self.share)
+        return _convolved(values, self.forward) * self.weights
 
     def undo(self, values: FloatArray) -> FloatArray:
         """The inverse of `apply`."""
-        return _convolved(self._along_constant(values, 1 / self.share) / self.weights, self.backward)
-
-    def _along_constant(self, white: FloatArray, factor: float) -> FloatArray:
-        """White signals (..., n) with what they have of a constant multiplied."""
-        return np.asarray(white + (factor - 1) * (white @ self.constant)[..., None] * self.constant)
+        return _convolved(values / self.weights, self.backward)
 
 
 def _minimum_phase(logarithm: FloatArray, count: int) -> FloatArray:

@@ -4,8 +4,8 @@ A short record hardly tells noise with a long memory from noise with a short one
 what all records tell is added up, that of the calibration tests too: the noise has one exponent in all of them. Its
 strength, and its colour beside the memory, each record tells for itself.
 
-The noise of a record that does not repeat is what a regression has left: part of a gap may be in it, and part of the
-noise is not: colour of a gap looks like a short memory. Such a record tells the others of a long memory alone.
+Records that do not repeat stay as they are: their noise is what a regression has left. Part of a gap may be in it, and
+part of the noise is not; what is slow there is the model's as often as the noise's.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mofit._typing import FloatArray
 from mofit.diagnosis.whitening import Whitening
 from mofit.identification.calibration import Calibration, summed_memory
 from mofit.problem import Problem, join_priors
@@ -25,16 +26,19 @@ def with_common_memory(
     problem: Problem, records: Sequence[Record], calibrations: Sequence[Calibration]
 ) -> tuple[Problem, tuple[Record, ...], tuple[Calibration, ...]]:
     """Records and stages with the memory that all of them together tell, and the problem with the stages' prior."""
-    names = [problem.model.outputs[output].name for _, output, _ in records]
-    memory = summed_memory(calibrations)
-    told = [w.process.memory * (w.periods > 0 or w.process.memory.max() > 0) for _, _, w in records]
-    for name, own in zip(names, told, strict=True):
-        memory[name] = memory.get(name, 0.0) + own
+    outputs, memory = problem.model.outputs, summed_memory(calibrations)
+    for _, output, w in records:
+        if w.periods:
+            memory[outputs[output].name] = memory.get(outputs[output].name, 0.0) + w.process.memory
     found = [
-        (test, output, replace(w, process=w.process.beside(memory[name] - own)))
-        for name, own, (test, output, w) in zip(names, told, records, strict=True)
+        (test, output, _beside(w, memory[outputs[output].name]) if w.periods else w) for test, output, w in records
     ]
     stages = tuple(one.with_memory(memory) for one in calibrations)
     if problem.prior.names:
         problem = replace(problem, prior=join_priors([one.prior(problem.space) for one in stages]))
     return problem, tuple(found), stages
+
+
+def _beside(w: Whitening, memory: FloatArray) -> Whitening:
+    """The record with what all of them tell of memory, itself included."""
+    return replace(w, process=w.process.beside(memory - w.process.memory))

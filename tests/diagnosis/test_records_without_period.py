@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from long_memory import long_memory
 from scipy.linalg import solve_triangular, toeplitz
 from scipy.signal import lfilter
 
@@ -37,19 +36,6 @@ def test_the_filter_is_the_cholesky_factor_of_the_noise(count: int, pole: float,
     found = CausalFilter.whitening(spectrum(pole, count), count)
     np.testing.assert_allclose(found.apply(values), exact, atol=1e-9)
     np.testing.assert_allclose(found.undo(found.apply(values)), values, atol=1e-9)
-
-
-def test_a_level_under_noise_with_a_long_memory_is_as_uncertain_as_it_is() -> None:
-    """Levels by generalised least squares, against how they scatter; other signals are white as before."""
-    rng, count = np.random.default_rng(3), 500
-    noise = np.stack([long_memory(rng, count) for _ in range(60)])
-    shape = 1 / (2 * np.sin(np.pi * np.maximum(np.arange(count // 2 + 1), 0.08) / count))
-    found = CausalFilter.whitening(shape, count)
-    white, level = found.apply(noise), found.apply(np.ones(count))
-    score = white @ level / np.linalg.norm(level)
-    assert 0.6 < np.std(score) < 1.2
-    assert np.std(found.undo(white) - noise) < 0.1 * np.std(noise)
-    assert np.mean(white[:, 64:] ** 2) == pytest.approx(1.0, abs=0.05)
 
 
 def presliding(v: np.ndarray, length: float = 5e-4, parts: int = 20) -> np.ndarray:

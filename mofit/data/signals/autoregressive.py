@@ -33,12 +33,13 @@ _LEAST_SPAN = 0.1
 class SpectrumSettings:
     """How the spectrum of a noise is estimated."""
 
-    orders: tuple[int, ...] = (0, 1, 2, 3, 4, 6, 8, 12)
-    """Of the autoregressive processes, up to six resonances of two coefficients each; the same beside long memory: of
-    unequal ones a colour of high order would pass for short memory."""
+    highest_order: int = 12
+    """Of the autoregressive process: six resonances, two coefficients each."""
     memories: tuple[float, ...] = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65)
     """Exponents d of long memory that are tried; 1/f noise has 0.5, and lies between two. A tenth between them moves
     the lowest lines by half; at 0.5 the covariance has no closed form."""
+    memory_order: int = 3
+    """Highest order of the autoregressive part beside long memory."""
     memory_bins: int = 64
     """Known bins from which long memory can be told from a short one."""
     bins_per_coefficient: int = 8
@@ -84,7 +85,7 @@ def autoregressive_spectrum(
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
     Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times the spectrum of a
-    process of the same orders.
+    process of low order.
 
     A fit has drawn the lines of its residual towards zero where its signals have their power, most on the lowest.
     Restricted maximum likelihood (REML) takes only what no such signal changes.
@@ -104,14 +105,14 @@ def autoregressive_spectrum(
     if number == 0:
         level = np.full(len(power), np.log(max(float(power.mean()), _TINY)))
         return SpectrumEstimate((np.stack([level, np.ones(len(level))]),), no_memory())
-    highest = max(min(SETTINGS.orders[-1], number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
+    highest = max(min(SETTINGS.highest_order, number // SETTINGS.bins_per_coefficient - 1, count // 4), 0)
     turn: NDArray[Any] = -2j * np.pi * np.outer(np.arange(len(power)) / count, np.arange(highest + 1))
     np.exp(turn, out=turn)
     record = Contrasts.of(lines, known, fitted)
     found = [_Fits(_autoregressive(record, np.ones(len(power)), turn))]
     for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
         shape = _long_memory(count, exponent)[: len(power)]
-        found.append(_Fits(_autoregressive(record, shape, turn)))
+        found.append(_Fits(_autoregressive(record, shape, turn[:, : SETTINGS.memory_order + 1])))
     memory = no_memory()
     memory[: len(found)] = [one.log_weight - found[0].log_weight for one in found]
     return SpectrumEstimate(tuple(one.averaged() for one in found), memory)
@@ -170,8 +171,8 @@ def _mixed(parts: Sequence[tuple[float, FloatArray]]) -> FloatArray:
 
 
 def _autoregressive(record: Contrasts, shape: FloatArray, turn: NDArray[Any]) -> Iterator[_Fit]:
-    """Autoregressive processes of all orders, times a shape (bins,); ``turn`` is exp(-i omega lag), (bins, lags)."""
-    return (_fit(record, shape, turn[:, : order + 1]) for order in SETTINGS.orders if order < turn.shape[1])
+    """Autoregressive processes of every order, times a shape (bins,); ``turn`` is exp(-i omega lag), (bins, lags)."""
+    return (_fit(record, shape, turn[:, : order + 1]) for order in range(turn.shape[1]))
 
 
 def _fit(record: Contrasts, shape: FloatArray, turn: NDArray[Any]) -> _Fit:
