@@ -10,6 +10,7 @@ from straight_line import StraightLine, campaign, sine_test
 
 import mofit
 from mofit.errors import InputError
+from mofit.identification.emulation import ACCEPTED
 from mofit.identification.identify import identify
 from mofit.identification.settings import Settings
 from mofit.identification.stages import find_modes
@@ -72,10 +73,10 @@ def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):
 
 
 def test_where_the_limit_ends_it_the_result_is_not_trusted():
-    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=182))  # the fewest
+    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=5, jobs=1, simulations=182))  # the fewest
     (mode, *_) = modes
     assert mode.sampled.problem.main.evaluations.count <= 182
-    assert mode.emulator.error > 0.3
+    assert mode.emulator.error > ACCEPTED
     finding = mode.emulator.finding("m1")
     assert finding.level == "untrusted"
     assert "--simulations" in finding.text
