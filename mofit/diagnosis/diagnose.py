@@ -128,7 +128,6 @@ def _diagnosed(
         ranged(effect, scales | moved, settings.bounds, settings.scopes)
         for effect, moved in zip(named, motion_scales(baseline, named, scales), strict=True)
     ]
-    settings = _of_model(settings, named)
     first = investigate(baseline, chosen, rules, settings.seed, progress)
     observed = first.found.baseline.hypothesis.observed
     case, ending = _graded(first, observed, chosen, records, settings.seed, progress)

@@ -15,9 +15,8 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import InnerSignals, inner_signals
 from mofit.models import Effect
 from mofit.models.extended_model import target_of
+from mofit.models.library.dampers import TYPICAL_STROKE
 
-#: Peak-to-peak ranges for which effects are written, where a model names none: those of a damper of a passenger car.
-_WRITTEN_FOR = {"displacement": 0.02, "velocity": 0.2, "force": 2e3}
 #: Forces by other names.
 _FORCES = ("force", "vertical_force")
 #: The quantity whose motion tells a scale, and its rate.
@@ -39,7 +38,7 @@ def motion_scales(baseline: Fitted, effects: Sequence[Effect], scales: Mapping[s
     scales
         Those that are known (`mofit.simulation.ranges.data_scales`).
     """
-    unknown = {name for name in _WRITTEN_FOR if name not in scales}
+    unknown = {name for name in TYPICAL_STROKE if name not in scales}
     if any(name in scales for name in _FORCES):
         unknown.discard("force")
     if not unknown:
@@ -51,7 +50,7 @@ def motion_scales(baseline: Fitted, effects: Sequence[Effect], scales: Mapping[s
         for order, name in enumerate(("displacement", "velocity")):
             if name in unknown:
                 sizes[name] = _range(motion, _DEFLECTION, order)
-        found.append({name: size / _WRITTEN_FOR[name] for name, size in sizes.items() if size > 0})
+        found.append({name: size / TYPICAL_STROKE[name] for name, size in sizes.items() if size > 0})
     return found
 
 

@@ -5,7 +5,7 @@ what all records tell is added up, that of the calibration tests too: the noise 
 strength, and its colour beside the memory, each record tells for itself.
 
 Records that do not repeat stay as they are: their noise is what a regression has left. Part of a gap may be in it, and
-part of the noise is not; what is slow there is the model's as often as the noise's.
+part of the noise is not; what is slow there may be the model's.
 """
 
 from __future__ import annotations

@@ -36,8 +36,8 @@ class SpectrumSettings:
     highest_order: int = 12
     """Of the autoregressive process: six resonances, two coefficients each."""
     memories: tuple[float, ...] = (0.15, 0.25, 0.35, 0.45, 0.55, 0.65)
-    """Exponents d of long memory that are tried; 1/f noise has 0.5, and lies between two. A tenth between them moves
-    the lowest lines by half; at 0.5 the covariance has no closed form."""
+    """Exponents d of long memory that are tried; 1/f noise has 0.5, and lies between two. Half a step
+    changes the lowest line of 1000 samples by a factor of 1.7; at 0.5 the covariance has no closed form."""
     memory_order: int = 3
     """Highest order of the autoregressive part beside long memory."""
     memory_bins: int = 64

@@ -29,6 +29,10 @@ _ROOTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = _ROOTS / 2, _WEIGHTS / 2
 
 
+#: ranges of displacement, velocity and force for which the ranges of dampers are written, those of effects too
+TYPICAL_STROKE = MappingProxyType({"displacement": 0.02, "velocity": 0.2, "force": 2e3})
+
+
 class Damper(Model):
     """What the damper models share: displacement [m] in (its rate by a smoothing spline), force [N] out."""
 
@@ -37,7 +41,7 @@ class Damper(Model):
         Channel("velocity", "m/s", "rate of the stroke", derivative_of="displacement"),
     )
     outputs = (Channel("force", "N", "force on the moved end, positive with the displacement"),)
-    typical = MappingProxyType({"displacement": 0.02, "velocity": 0.2, "force": 2e3})
+    typical = TYPICAL_STROKE
 
 
 def parallel_force(s: Symbols, x: ca.SX) -> ca.SX:
