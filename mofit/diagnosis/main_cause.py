@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from mofit.diagnosis.baseline import fit_baseline, with_noise_of
 from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidates import Candidate
@@ -85,8 +87,10 @@ def investigate(
         observed = without.hypothesis.observed
         if not observed.predicted_only.any():
             break
-        explained = best.fitted if best.effects else _best_by_squares(without, effects, settings, seed, progress)
-        quieter = _with_noise_left(explained, observed)
+        explained = [best.fitted] if best.effects else []
+        if not best.effects or share_left(best.fitted, without) > 1 - settings.partly:
+            explained.append(_best_by_squares(without, effects, settings, seed, progress))
+        quieter = min((_with_noise_left(one, observed) for one in explained), key=_log_power)
         if quieter is observed:
             break
         case = _investigated(fit_baseline(quieter, without.minimum.point, seed), effects, settings, progress)
@@ -98,7 +102,7 @@ def _best_by_squares(
 ) -> Fitted:
     """The best effect where all lines of a record that does not repeat count alike; the baseline where none helps.
 
-    A noise that holds the gap itself hides every effect.
+    A noise that holds the gap itself hides every effect, or lets one explain it only where the gap is small.
     """
     known = baseline.hypothesis.observed
     alike = whiten(known.problem, known.calibrations, known.simulators)
@@ -115,6 +119,11 @@ def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
         observed, here = quieter, fitted.minimum.point[None]
         fitted = fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
     return observed
+
+
+def _log_power(observed: WhitenedData) -> float:
+    """Of the noise, summed over all lines: the smaller it is, the more probable are the records."""
+    return float(sum(np.log(w.process.spectrum).mean() * w.count for *_, w in observed.records))
 
 
 def _falls(before: WhitenedData, after: WhitenedData) -> bool:
