@@ -185,7 +185,7 @@ def conclude(
     doubtful = doubtful_effects([one.effects for one in equal])
     finding = Finding(
         effects=best.effects,
-        significant=found.p_value < settings.gap_p_value,
+        significant=found.has_gap(settings),
         left_p_value=0.0 if ignored else found.best_residuals.p_value,
         left_of_peak=max(left_of_peak, 2 * ignored),  # a range is about two peaks
         # of a main cause the final estimates count: the noise alone bends a law that misses little to miss more

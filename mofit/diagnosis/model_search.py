@@ -58,6 +58,17 @@ class Attribution:
         """Of a gap: the smallest of the residual tests and the score tests at the baseline."""
         return min([self.baseline_residuals.p_value, *(one.p_holm for one in self.score_tests)])
 
+    def has_gap(self, settings: DiagnosisSettings) -> bool:
+        """Whether there is a gap: by the residual tests, or by score tests if a model with effects is distinguishable.
+
+        The largest of many scores is large by chance now and then; its effect then gains no more than its price.
+        """
+        if self.baseline_residuals.p_value < settings.gap_p_value:
+            return True
+        without = next(one.criterion for one in self.models if not one.effects)
+        gains = without - self.best.criterion > settings.indistinguishable
+        return self.p_value < settings.gap_p_value and gains
+
 
 @dataclass(frozen=True)
 class _Search:
@@ -123,10 +134,14 @@ class _Search:
         models = (better.get(one.effects, one) for one in self.models)
         return replace(self, models=tuple(sorted(models, key=_order)))
 
-    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress, most: int | None = None) -> _Search:
+    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress) -> _Search:
         """With refits of the baseline plus each of the candidates whose scores promise something."""
-        kept, passed_over = promising(scores, share, most or self.settings.most_refits)
+        kept, passed_over = promising(scores, share, self.settings.most_refits)
         return replace(self.extended(self.baseline, kept, progress), passed_over=passed_over)
+
+    def all_singly(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
+        """With refits of the baseline plus each of the candidates, whatever its score."""
+        return replace(self.extended(self.baseline, scores, progress), passed_over={})
 
     def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
         """With a refit of just these effects, added one by one."""
@@ -159,8 +174,8 @@ def attribute(
         # may lie far beyond the size that its score lets expect
         state = state.singly(scores, settings.relaxed_promising, progress).beyond(scores, progress)
     if _leaves_more(state, 1 - settings.partly, settings.doubt):
-        # no cause of most of the gap is among them: none is left out for the number of the others
-        state = state.singly(scores, settings.relaxed_promising, progress, most=len(scores))
+        # no cause of most of the gap is among them: scores say nothing of effects so strong that they bend everything
+        state = state.all_singly(scores, progress)
     for count in range(1, settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0

@@ -8,8 +8,9 @@ from damper_rig import damper_fit
 
 from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.fitting import Fitted
-from mofit.diagnosis.model_search import attribute, best_extensions
+from mofit.diagnosis.model_search import Attribution, attribute, best_extensions
 from mofit.diagnosis.refit import is_reliable, settled
+from mofit.diagnosis.residual_tests import Residuals
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.models import find_effect
 from mofit.optimize import Minimum
@@ -52,6 +53,25 @@ def test_one_more_effect_is_tried_only_where_little_is_left(unexplained: tuple[f
     candidates = [prepare(baseline, find_effect(name)) for name in names]
     found = attribute(baseline, candidates, DiagnosisSettings(unexplained=unexplained))
     assert max(len(one.effects) for one in found.models) == most
+
+
+def test_where_none_explains_most_of_the_gap_all_are_fitted():
+    """Of friction's gap these explain little, and some score nothing."""
+    baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
+    names = ("asymmetric_stiffness", "delay", "inertia", "payne", "force_offset")
+    found = attribute(baseline, [prepare(baseline, find_effect(name)) for name in names], DiagnosisSettings())
+    assert {one.name: one.outcome for one in found.accounts} == dict.fromkeys(names, "fitted")
+
+
+@pytest.mark.parametrize(
+    ("residuals", "score", "gain", "gap"),
+    [(0.5, 1e-3, 4.0, False), (0.5, 1e-3, 5.0, True), (1e-3, 1.0, 0.0, True), (0.5, 0.5, 9.0, False)],
+    ids=["by chance", "an effect gains", "residual tests", "nothing significant"],
+)
+def test_a_score_alone_shows_no_gap_that_its_effect_does_not_gain(residuals, score, gain, gap):
+    left, tests = Residuals((), residuals), (SimpleNamespace(p_holm=score),)
+    found = Attribution(None, left, tests, (model(100.0, "a"), model(100.0 + gain)), left)
+    assert found.has_gap(DiagnosisSettings()) is gap
 
 
 def fitted(steps, diverges_from, slope=1.0):
