@@ -32,14 +32,13 @@ def make(cell: Cell, seed: int, folder: Path) -> str:
     rng = np.random.default_rng([seed, *cell.numbers])
     values, units = rig.draw(rng), rig.units(rng)
     settled = cell.excitation in ("sine", "multisine") and bool(rng.integers(2))
-    tests = planned(rng, cell.excitation, rig.rolling, settled)
+    tests = planned(rng, cell.excitation, rig.rolling, settled, rig.periods)
     specimen = Specimen(rig, values, tests)
     target = WEAK * (STRONG / WEAK) ** rng.random()
     strong = strengthened(specimen, case, target, seed) if case.knob else Strength(0.0, specimen.level, 0.0)
     knobs = {case.knob: strong.size} if case.knob else {}
-    unseen = [
-        replace(t, start=rng.uniform(0, specimen.reach.duration)) for t in held_out(rng, cell.excitation, settled)
-    ]
+    unseen = held_out(rng, cell.excitation, settled, rig.periods)
+    unseen = [replace(test, start=rng.uniform(0, specimen.reach.duration)) for test in unseen]
     clean = specimen.records(knobs, [*tests, *unseen], np.random.default_rng(seed))
     coloured = np.stack([noise(rng, cell.noise, COUNT) for _ in range(clean.shape[1])], axis=1)
     noisy = (clean + strong.noise * coloured) * units.output

@@ -19,8 +19,9 @@ STEP = SAMPLE / FINE
 #: cycles per record of the sines, amplitudes of all kinds
 SINES, AMPLITUDES = (6, 12, 20, 30, 40, 56), (1.0, 0.5, 0.8, 0.35, 0.9, 0.6)
 TESTS = {"sine": 6, "chirp": 4, "free": 4, "multisine": 4}
-#: range of the chirps and of the road, relative to the rig's own frequency; periods and lines of a multisine
-LOW, HIGH, PERIODS, LINES = 0.2, 3.0, 4, 15
+#: range of the chirps and of the road, relative to the rig's own frequency, which a multisine ends at as well; periods
+#: of a multisine
+LOW, HIGH, PERIODS = 0.2, 3.0, 4
 #: time over which chirps and road rise from rest
 RISE = 2 * np.pi
 #: pause between two tests, in lengths of a record
@@ -77,8 +78,16 @@ def grid(before: int) -> FloatArray:
     return (np.arange(halves) - 2 * FINE * before) * STEP / 2
 
 
-def make(rng: np.random.Generator, name: str, kind: str, amplitude: float, cycles: int = 0, speed: float = 1.0) -> Test:
-    """One test with random phases."""
+def make(
+    rng: np.random.Generator,
+    name: str,
+    kind: str,
+    amplitude: float,
+    cycles: int = 0,
+    speed: float = 1.0,
+    periods: int = PERIODS,
+) -> Test:
+    """One test with random phases; a multisine of so many periods excites all lines up to the highest."""
     if kind == "sine":
         lines, sizes = np.array([cycles / CYCLES]), np.ones(1)
     elif kind == "chirp":
@@ -86,7 +95,8 @@ def make(rng: np.random.Generator, name: str, kind: str, amplitude: float, cycle
     elif kind == "step":
         lines, sizes = np.ones(1), np.ones(1)
     elif kind == "multisine":
-        lines, sizes = np.arange(1, LINES + 1) * PERIODS / CYCLES, np.ones(LINES)
+        lines = np.arange(1, round(HIGH * CYCLES / periods) + 1) * periods / CYCLES
+        sizes = np.ones(len(lines))
     else:  # lines so dense that nothing repeats
         lines = np.arange(1, 90) * HIGH / 90 + 1e-3 * rng.random(89)
         sizes = 1 / (0.3 + lines)
@@ -111,11 +121,11 @@ def _upward(test: Test, u: FloatArray) -> float:
     return low
 
 
-def planned(rng: np.random.Generator, kind: str, rolling: bool, settled: bool) -> list[Test]:
+def planned(rng: np.random.Generator, kind: str, rolling: bool, settled: bool, periods: int = PERIODS) -> list[Test]:
     """The tests of a campaign in random order with pauses; a rolling tyre at two speeds, with steps on another day."""
     amplitudes = rng.permutation(AMPLITUDES[: TESTS[kind]])
     tests = [
-        make(rng, f"{kind}_{k + 1}", kind, amplitude, SINES[k], 0.6 if rolling and k % 2 else 1.0)
+        make(rng, f"{kind}_{k + 1}", kind, amplitude, SINES[k], 0.6 if rolling and k % 2 else 1.0, periods)
         for k, amplitude in enumerate(amplitudes)
     ]
     tests = [replace(test, settled=settled) for test in tests]
@@ -133,10 +143,10 @@ def timed(rng: np.random.Generator, tests: Sequence[Test]) -> list[Test]:
     return [found[k] for k in range(len(tests))]
 
 
-def held_out(rng: np.random.Generator, kind: str, settled: bool) -> list[Test]:
+def held_out(rng: np.random.Generator, kind: str, settled: bool, periods: int = PERIODS) -> list[Test]:
     """Tests that no fit sees: of the same kind, larger, of another kind; and one more of another, to be given."""
-    tests = [make(rng, f"same_{k + 1}", kind, 0.7, (16, 34)[k]) for k in range(2)]
-    tests.append(make(rng, "group_1", kind, 1.25, 40))
+    tests = [make(rng, f"same_{k + 1}", kind, 0.7, (16, 34)[k], periods=periods) for k in range(2)]
+    tests.append(make(rng, "group_1", kind, 1.25, 40, periods=periods))
     tests = [replace(test, settled=settled) for test in tests]
     tests += [make(rng, name, OTHER[kind], 0.8) for name in ("other_1", "given_1")]
     return timed(rng, tests)

@@ -143,4 +143,5 @@ STRUCTURE = Rig(
     _structure,
     "k_1",
     source=structure_source,
+    periods=2,
 )

@@ -10,7 +10,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from other_rigs_cases.element import Element
-from other_rigs_cases.excitation import STEP, Test, grid, lead
+from other_rigs_cases.excitation import PERIODS, STEP, Test, grid, lead
 
 #: parameters of the rig; one value per lane
 Values = Mapping[str, Any]
@@ -66,6 +66,8 @@ class Rig:
     """A shipped model; empty where ``source`` writes a file."""
     source: Callable[[Mapping[str, float], Units, np.random.Generator], str] | None = None
     rolling: bool = False
+    periods: int = PERIODS
+    """Of its multisines: the fewer, the denser are their lines."""
     conditions: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
 
