@@ -23,7 +23,7 @@ from mofit.diagnosis.missing_laws import missing_laws
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
 from mofit.diagnosis.motion_scales import motion_scales
 from mofit.diagnosis.next_experiment import next_experiment
-from mofit.diagnosis.notes import at_ends, at_most, of_tests
+from mofit.diagnosis.notes import at_ends, at_most, of_noise, of_tests
 from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.refit import share_left
 from mofit.diagnosis.residual_map import homogeneity
@@ -166,6 +166,7 @@ def _diagnosed(
             *at_ends(found),
             *at_most(found, rules),
             *of_tests(found, ending.shrinkage),
+            *of_noise(observed),
         ),
         complete=complete,
         seconds=processor_time() - began,

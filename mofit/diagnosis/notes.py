@@ -5,6 +5,7 @@ from __future__ import annotations
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
+from mofit.diagnosis.whitened_data import WhitenedData
 
 
 def at_ends(found: Attribution) -> tuple[str, ...]:
@@ -34,3 +35,17 @@ def at_most(found: Attribution, rules: DiagnosisSettings) -> tuple[str, ...]:
     if tried < rules.most_effects or found.best_residuals.p_value >= rules.residual_p_value:
         return ()
     return (f"No more than {tried} effects are tried at once, and more than noise is left: there may be one more.",)
+
+
+def of_noise(observed: WhitenedData) -> tuple[str, ...]:
+    """What to know of noise that the residual alone tells: nothing repeats that would tell it from a model error."""
+    pairs = zip(observed.records, observed.noise_floors, strict=True)
+    floors = [100 * floor for (_, _, w), floor in pairs if not w.periods]
+    if not floors:
+        return ()
+    low, high = f"{min(floors):.2g}", f"{max(floors):.2g}"
+    size = high if low == high else f"{low} to {high}"
+    return (
+        f"Of records that do not repeat, what past inputs do not predict of the residual counts as noise: {size} % of "
+        "the output's range. Where the sensor has less, the model misses the rest.",
+    )

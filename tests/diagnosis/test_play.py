@@ -1,5 +1,7 @@
 """A play that a rate passes too: its slope at size zero says nothing of it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -52,3 +54,6 @@ def test_a_play_is_named_and_no_damping_in_its_place(name: str, widths: tuple[fl
     assert [one.name for one in found.attribution.best.fitted.hypothesis.effects] == [name]
     half = found.attribution.best.fitted.values["b_0" if name == "backlash" else "b_g"]
     assert half == pytest.approx(np.mean(widths), rel=0.1)
+    told = next(one for one in found.warnings if "do not repeat" in one)
+    floors = re.findall(r"\d[\d.]*", told.split(":")[1].split("%")[0])
+    assert [float(one) for one in floors] == pytest.approx([1.0, 1.0], rel=0.2)
