@@ -20,12 +20,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import svd
 from scipy.stats import chi2
 from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
-from mofit.data.signals import noise_process
+from mofit.data.signals import noise_process, thin_svd
 from mofit.diagnosis.spectral_classes import ORDER, highest_excited, rotational_orders
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.diagnosis.whitening import Whitening
@@ -168,10 +167,7 @@ def _regressed(rows: FloatArray, white: FloatArray) -> tuple[FloatArray, FloatAr
     """Coefficients (q,) of columns (rows, q), and the leverage of every row."""
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
-    basis, triangle = np.linalg.qr(rows / size)
-    # LAPACK's divide and conquer, which is NumPy's, does not converge for every matrix
-    left, values, turned = svd(triangle, lapack_driver="gesvd")
-    vectors = basis @ left
+    vectors, values, turned = thin_svd(rows / size)
     kept = values > _RANK * values[0]
     coefficients = turned[kept].T @ ((vectors[:, kept].T @ white) / values[kept]) / size
     return coefficients, np.asarray(np.sum(vectors[:, kept] ** 2, axis=1))

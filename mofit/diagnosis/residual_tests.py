@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
+from mofit.data.signals import thin_svd
 from mofit.diagnosis.fitting import Fitted, Projection, project
 from mofit.diagnosis.spectral_classes import HARMONICS, SPECTRAL_CLASSES, SUBHARMONICS, highest_frequency
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -240,7 +241,7 @@ def _smooth_columns(observed: WhitenedData, places: Sequence[int], powers: Float
 def _columns_test(left: Remainder, name: str, columns: FloatArray) -> ResidualTest:
     """Score test of columns (m, k)."""
     rest = left.projection.apply(columns[:, np.any(columns != 0, axis=0)])
-    vectors, values, _ = np.linalg.svd(rest, full_matrices=False)
+    vectors, values, _ = thin_svd(rest)
     kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
     statistic, count = float(np.sum((kept.T @ left.projection.residual) ** 2)), kept.shape[1]
     power = np.sum(columns**2, axis=1)

@@ -11,6 +11,7 @@ from scipy.special import ndtri
 from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
+from mofit.data.signals import thin_svd
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, Projection, project
@@ -182,7 +183,7 @@ def _score(projection: Projection, freedom: FloatArray, candidate: Candidate) ->
 def _dependent(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, float, int]:
     """Sizes (c,), statistic and rank of columns (rows, c) that may depend on each other; the smallest such sizes."""
     length = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    left, values, right = np.linalg.svd(columns / length, full_matrices=False)
+    left, values, right = thin_svd(columns / length)
     kept = values > _LEAST_LEFT * values[0]
     along = left[:, kept].T @ residual
     return (right[kept].T @ (along / values[kept])) / length, float(along @ along), int(kept.sum())

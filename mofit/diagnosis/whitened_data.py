@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.data.signals import NoiseProcess
+from mofit.data.signals import NoiseProcess, thin_svd
 from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.noise_memory import with_common_memory
@@ -196,7 +196,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     size = np.linalg.norm(columns, axis=0)
     if not np.any(size > 0):
         return np.zeros((len(columns), 0))
-    vectors, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    vectors, values, _ = thin_svd(columns[:, size > 0] / size[size > 0])
     return np.asarray(vectors[:, values > _RANK * values[0]])
 
 

@@ -4,6 +4,7 @@ from mofit.data.signals.analysis import REPEATED, SignalAnalysis, analyse, find_
 from mofit.data.signals.noise_process import NoiseProcess, effective_samples, noise_process, repeats
 from mofit.data.signals.periodicity import periodic_fit
 from mofit.data.signals.smoothing import smooth_derivative, smooth_derivatives
+from mofit.data.signals.thin_svd import thin_svd
 
 __all__ = [
     "REPEATED",
@@ -18,4 +19,5 @@ __all__ = [
     "smooth_derivative",
     "smooth_derivatives",
     "steady_samples",
+    "thin_svd",
 ]

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.data.signals.thin_svd import thin_svd
 
 _TINY = np.finfo(float).tiny
 #: Relative singular value below which a combination of fitted signals has no power on the known lines.
@@ -56,7 +57,7 @@ class Contrasts:
         size = np.linalg.norm(fitted, axis=0)
         signals = fitted[:, size > 0] / size[size > 0] * known[:, None]
         rows = np.concatenate([signals.real, signals.imag])
-        vectors, values, _ = np.linalg.svd(rows, full_matrices=False)
+        vectors, values, _ = thin_svd(rows)
         return cls(parts, known, np.ascontiguousarray(vectors[:, values > _RANK]))
 
     def beside_fitted(self, spectrum: FloatArray) -> BesideFitted:
