@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -240,18 +240,25 @@ def _named_effects(
         holder = next(one for one in equal if name in one.effects)
         probability = sum(w for w, one in zip(weights, models, strict=True) if name in one.effects)
         found.append(_named(holder, name, float(probability)))
-    return in_order(found, doubtful_effects([one.effects for one in equal]))
+    # beside 1, probabilities differ by less than their digits hold
+    without = {
+        effect.name: sum(w for w, one in zip(weights, models, strict=True) if effect.name not in one.effects)
+        for effect in found
+    }
+    return in_order(found, doubtful_effects([one.effects for one in equal]), without)
 
 
-def in_order(effects: Sequence[NamedEffect], doubtful: Collection[str]) -> tuple[NamedEffect, ...]:
+def in_order(
+    effects: Sequence[NamedEffect], doubtful: Collection[str], without: Mapping[str, float]
+) -> tuple[NamedEffect, ...]:
     """Beyond doubt first: what the model lacks, then what the rig adds; then those that are ``doubtful``.
 
-    Of equals the most probable first.
+    Of equals the most probable first; ``without`` are the probabilities that there is no such effect.
     """
 
     def place(one: NamedEffect) -> tuple[bool, bool, float]:
         unsure = one.name in doubtful
-        return unsure, one.of_rig and not unsure, -one.probability
+        return unsure, one.of_rig and not unsure, without[one.name]
 
     return tuple(sorted(effects, key=place))
 

@@ -46,12 +46,21 @@ def named(name, probability, of_rig):
     return NamedEffect(name, name, name, probability, 1.0, 0.9, 1.1, "1", {}, False, of_rig)
 
 
+def ordered(effects, doubtful):
+    return in_order(effects, doubtful, {one.name: 1 - one.probability for one in effects})
+
+
 def test_what_the_model_lacks_is_named_before_what_the_rig_adds():
     offset, drift = named("test_offset", 1.0, True), named("drift", 1.0 - 1e-9, False)
     lag, speed = named("delay", 0.7, False), named("speed", 0.3, True)
-    assert in_order([offset, drift], set()) == (drift, offset)
-    assert in_order([speed, lag, offset], {"delay", "speed"}) == (offset, lag, speed)
-    assert in_order([lag, speed], {"delay", "speed"}) == (lag, speed)
+    assert ordered([offset, drift], set()) == (drift, offset)
+    assert ordered([speed, lag, offset], {"delay", "speed"}) == (offset, lag, speed)
+    assert ordered([lag, speed], {"delay", "speed"}) == (lag, speed)
+
+
+def test_of_causes_beyond_doubt_the_surest_comes_first():
+    offset, order = named("test_offset", 1.0, True), named("wheel_order", 1.0, True)
+    assert in_order([offset, order], set(), {"test_offset": 1e-30, "wheel_order": 1e-200}) == (order, offset)
 
 
 @pytest.mark.parametrize(
