@@ -58,7 +58,8 @@ def _summary(seen: Rows, kinds: dict[str, list[dict[str, Any]]]) -> list[str]:
         ("(b) laws of their own: family named", "at least 95 %", *count(kinds["own law"], "family")),
         ("(c) false alarms, coloured noise, chirps or road", "at most 1 %", *count(bare, "quiet", wrong=True)),
         ("(c) families there", "at least 95 %", *count(named, "family")),
-        ("(d) orders without encoder named", "at least 98 %", *count(kinds["no encoder"], "first")),
+        ("(d) orders without encoder named first", "at least 98 %", *count(kinds["no encoder"], "first")),
+        ("… their family named", "", *count(kinds["no encoder"], "family")),
     ]  # fmt: skip
     seconds = np.array([row["seconds"] for row in seen])
     lines = table(("", "asked", "found", "of", "share", "95 % interval"), body)
