@@ -46,6 +46,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -159,6 +160,8 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "runs" / "diagnosis_peers")
     parser.add_argument("--page", type=Path, default=ROOT / "reports" / "diagnosis_peers" / "README.md")
     args = parser.parse_args()
+    # the processes of the peers import what stands beside this file
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(HERE.parent), os.environ.get("PYTHONPATH"))))
     numbers = {"none": args.none, "library": args.library, "own law": args.own, "stranger": args.strangers}
     wanted = drawn(numbers, args.seed)
     sizes = f"--none {args.none} --library {args.library} --own {args.own} --strangers {args.strangers}"
