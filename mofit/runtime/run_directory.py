@@ -159,6 +159,10 @@ def _new(folder: RunFolder, where: str, configuration: Mapping[str, Any], made: 
                     return held
                 folder.partial.rename(staged)  # the other process has finished
             held.release()
+        except BaseException:  # interrupted: it may have its name already, and nobody else renames it
+            if not staged.exists():
+                _discard(folder.partial)
+            raise
         finally:
             shutil.rmtree(staged, ignore_errors=True)
     except (OSError, WriteError) as error:
