@@ -49,7 +49,7 @@ class DiagnosisSettings:
     """
 
     gap_p_value: float = 5e-3
-    """p-value below which there is a gap."""
+    """p-value below which there is a gap; of score tests alone, if the effect is distinguishable from none as well."""
     one_more_p_value: float = 3e-3
     """p-value below which one more effect is tried beside those found."""
     residual_p_value: float = 1e-3
@@ -64,7 +64,7 @@ class DiagnosisSettings:
     contender: float = 60.0
     """Difference of the criterion up to which an effect is fitted both with and without it in the calibration tests."""
     most_refits: int = 12
-    """Most candidates that are refitted at once."""
+    """Most candidates that are refitted at once; all are where none of these explains most of the gap."""
     most_extensions: int = 6
     """Most sets of one more effect that are fitted at once."""
     most_effects: int = 3

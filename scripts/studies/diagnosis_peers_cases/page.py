@@ -15,7 +15,7 @@ from report_page import header, made_with, table
 #: of the run with the default settings
 READING = (
     "Where peers are better: a Gaussian process corrects a static stranger that mofit refuses (amplifier knee, dead "
-    "band), and needs no library; the term that mofit proposes there is not counted here. Where they are not: a static "
+    "band), and needs no library; a term that mofit may propose is not counted here. Where they are not: a static "
     "process removes little in rigs with a resonance, and what is sparse in a training test may fail on another kind "
     "of record. None of them tells a drift, which needs the time of the campaign. The test of whiteness takes coloured "
     "noise for a gap; the linear test of independence misses what shows in harmonics only."
