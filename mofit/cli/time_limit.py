@@ -13,8 +13,8 @@ from mofit.cli.app import seconds
 
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
-#: Seconds until the alarm rings again where it rang in what must be done whole, or where what it raised was lost.
-POSTPONED = 0.02
+#: Seconds from ring to ring once the time is up: a ring is missed in what must be done whole, or what it raised is lost.
+AGAIN = 0.02
 #: What must be done whole: an import (a module imported by half stays so) and logging (a lock kept stops every thread).
 WHOLE = ("importlib._bootstrap", "logging")
 
@@ -37,9 +37,9 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
         yield limit
         return
     before = signal.signal(signal.SIGALRM, _raise)
-    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit)
+    signal.setitimer(signal.ITIMER_REAL, (1 + late) * limit, AGAIN)
     try:
-        with _raised_again_where_lost():
+        with _quiet_where_lost():
             yield limit
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -47,21 +47,24 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
 
 
 def _raise(_: int, frame: FrameType | None) -> None:
-    if _in_what_must_be_whole(frame):
-        signal.setitimer(signal.ITIMER_REAL, POSTPONED)
-        return
-    raise TimeIsUp
+    if not _on_its_way(sys.exc_info()[1]) and not _in_what_must_be_whole(frame):
+        raise TimeIsUp
+
+
+def _on_its_way(handled: BaseException | None) -> bool:
+    """Whether what runs now cleans up behind a `TimeIsUp`: it must not be torn apart by another."""
+    while handled is not None and not isinstance(handled, TimeIsUp):
+        handled = handled.__context__
+    return handled is not None
 
 
 @contextmanager
-def _raised_again_where_lost() -> Iterator[None]:
-    """What a destructor or the callback of a weak reference raises reaches nobody: the alarm rings again."""
+def _quiet_where_lost() -> Iterator[None]:
+    """What a destructor or the callback of a weak reference raises reaches nobody: the next ring will."""
     before = sys.unraisablehook
 
     def lost(raised: sys.UnraisableHookArgs) -> None:
-        if isinstance(raised.exc_value, TimeIsUp):
-            signal.setitimer(signal.ITIMER_REAL, POSTPONED)
-        else:
+        if not isinstance(raised.exc_value, TimeIsUp):
             before(raised)
 
     sys.unraisablehook = lost

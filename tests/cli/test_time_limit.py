@@ -1,5 +1,6 @@
 """``--time-limit`` and ``--no-sample``: a command ends in time, with what it knows."""
 
+import contextlib
 import importlib
 import json
 import logging
@@ -91,6 +92,34 @@ def test_an_end_that_a_destructor_swallows_is_told_again(capsys):
 def _destroy_and_sleep():
     _SlowToDestroy()
     time.sleep(5)
+
+
+def test_an_end_that_somebody_catches_is_told_again():
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        _catch_and_sleep()
+
+
+def _catch_and_sleep():
+    with contextlib.suppress(BaseException):
+        time.sleep(5)
+    time.sleep(5)
+
+
+def test_what_cleans_up_behind_the_end_is_not_torn_apart():
+    cleaned = []
+    with pytest.raises(TimeIsUp), time_limit("10 ms"):
+        _sleep_and_clean(cleaned)
+    assert cleaned == ["whole"]
+
+
+def _sleep_and_clean(cleaned):
+    try:
+        time.sleep(5)
+    finally:
+        with contextlib.suppress(OSError):
+            raise OSError
+        time.sleep(0.1)
+        cleaned.append("whole")
 
 
 FORKS = """
