@@ -15,6 +15,7 @@ from mofit.cli.app import DONE, INTERRUPTED, NOT_CONVERGED, UNEXPECTED, UNUSABLE
 from mofit.cli.time_limit import TimeIsUp
 from mofit.cli.unexpected import command_line, log_unexpected, warnings_in_words
 from mofit.errors import MofitError
+from mofit.runtime.interruption import interruption
 
 #: What a user can do after Ctrl-C, by command; of the others what interrupted them has a note, if they keep anything.
 _AFTER_INTERRUPTION = {"batch": "Nothing is lost: the same command goes on."}
@@ -33,23 +34,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with warnings_in_words():
             code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         return code if isinstance(code, int) else DONE
-    except MofitError as error:
-        say(f"mofit: {error}")
-        return UNUSABLE
-    except CycloptsError as error:
-        say(f"mofit: {error}".rstrip() + " See mofit --help.")
-        return UNUSABLE
-    except TimeIsUp as stop:
-        say(f"mofit: the time limit is reached. {_after(stop, arguments)}")
-        return NOT_CONVERGED
-    except KeyboardInterrupt as stop:
-        say(f"mofit: interrupted. {_after(stop, arguments)}")
-        return INTERRUPTED
-    except BrokenPipeError:
-        return DONE
-    except Exception as error:  # noqa: BLE001 - the one place where anything may arrive
-        say(f"mofit: {log_unexpected(error, command_line(arguments))}")
-        return UNEXPECTED
+    except BaseException as error:  # noqa: BLE001 - the one place where anything may arrive
+        return _told(interruption(error) or error, arguments)
+
+
+def _told(error: BaseException, arguments: Sequence[str] | None) -> int:
+    """Say what ended a command early; returns the exit code."""
+    match error:
+        case MofitError():
+            say(f"mofit: {error}")
+            return UNUSABLE
+        case CycloptsError():
+            say(f"mofit: {error}".rstrip() + " See mofit --help.")
+            return UNUSABLE
+        case TimeIsUp():
+            say(f"mofit: the time limit is reached. {_after(error, arguments)}")
+            return NOT_CONVERGED
+        case KeyboardInterrupt():
+            say(f"mofit: interrupted. {_after(error, arguments)}")
+            return INTERRUPTED
+        case BrokenPipeError():
+            return DONE
+        case Exception():
+            say(f"mofit: {log_unexpected(error, command_line(arguments))}")
+            return UNEXPECTED
+    raise error
 
 
 def _after(stop: BaseException, arguments: Sequence[str] | None) -> str:

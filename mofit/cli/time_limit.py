@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from mofit.cli.app import seconds
+from mofit.runtime.interruption import interruption
 
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
@@ -19,7 +20,7 @@ AGAIN = 0.02
 WHOLE = ("importlib._bootstrap", "logging")
 
 
-class TimeIsUp(BaseException):  # nothing that catches errors may keep it
+class TimeIsUp(KeyboardInterrupt):  # nothing that catches errors may keep it
     """Raised in the main thread when the time of a command is up."""
 
 
@@ -47,15 +48,9 @@ def time_limit(text: str | None, late: float = 0.0) -> Iterator[float | None]:
 
 
 def _raise(_: int, frame: FrameType | None) -> None:
-    if not _on_its_way(sys.exc_info()[1]) and not _in_what_must_be_whole(frame):
+    # what cleans up behind an interruption must not be torn apart by another
+    if interruption(sys.exc_info()[1]) is None and not _in_what_must_be_whole(frame):
         raise TimeIsUp
-
-
-def _on_its_way(handled: BaseException | None) -> bool:
-    """Whether what runs now cleans up behind a `TimeIsUp`: it must not be torn apart by another."""
-    while handled is not None and not isinstance(handled, TimeIsUp):
-        handled = handled.__context__
-    return handled is not None
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from typing import Any
 from mofit.errors import InputError, WriteError
 from mofit.runtime.claims import LOCK, Claim, TakenError, claim
 from mofit.runtime.files import unwritable, write_text, writing
+from mofit.runtime.interruption import interruption
 from mofit.runtime.names import named_path, shortened
 
 _PARTIAL = ".partial"
@@ -92,8 +93,8 @@ def run_folder(
         if not resumable or not folder.has_results or (new and isinstance(error, InputError)):
             _discard(folder.partial)
             _remove_empty(made)
-        elif not isinstance(error, Exception):  # interrupted, or out of time
-            error.add_note(f"What is known so far is in {folder.partial}; the same command with --resume goes on.")
+        elif stop := interruption(error):
+            stop.add_note(f"What is known so far is in {folder.partial}; the same command with --resume goes on.")
         held.release(folder.partial / LOCK)
         raise
     held.release(folder.target / LOCK)

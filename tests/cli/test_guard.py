@@ -48,6 +48,20 @@ def said(arguments, capsys, code=2):
     return err
 
 
+CLEANS_BADLY = """
+try:
+    raise KeyboardInterrupt
+finally:
+    raise RuntimeError("cannot join thread before it is started")
+"""
+
+
+def test_an_interruption_behind_which_the_cleanup_fails_is_told_as_one(rig, tmp_path, capsys):
+    (tmp_path / "own.py").write_text(CLEANS_BADLY, encoding="utf-8")
+    err = said(["identify", rig, "--model", "own.py:Own"], capsys, code=130)
+    assert err == "mofit: interrupted. Nothing was written.\n"
+
+
 def test_an_error_that_nobody_foresaw_goes_into_a_log(rig, monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(Path, "is_file", lambda path: 1 / 0)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))

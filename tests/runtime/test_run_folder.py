@@ -70,8 +70,23 @@ def test_what_interrupts_the_work_is_told_what_is_left_of_it(resumable, tmp_path
     with contextlib.suppress(KeyboardInterrupt), run_folder(tmp_path / "run", "stem", CONFIG, **options) as folder:
         (folder.partial / "result.nc").write_text("half")
         raise stop
-    place = f"What is known so far is in {tmp_path / 'run.partial'}; the same command with --resume goes on."
-    assert getattr(stop, "__notes__", []) == [place] * resumable
+    assert getattr(stop, "__notes__", []) == [left_in(tmp_path / "run.partial")] * resumable
+
+
+def left_in(folder):
+    return f"What is known so far is in {folder}; the same command with --resume goes on."
+
+
+def test_an_interruption_is_told_so_too_where_the_cleanup_behind_it_fails(tmp_path):
+    def fail(folder):
+        try:
+            raise KeyboardInterrupt
+        finally:
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError) as raised:
+        work(tmp_path / "run", then=fail)
+    assert raised.value.__context__.__notes__ == [left_in(tmp_path / "run.partial")]
 
 
 @pytest.mark.parametrize("out", ["run", None])
