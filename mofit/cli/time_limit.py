@@ -14,7 +14,7 @@ from mofit.runtime.interruption import interruption
 
 #: What `identify`, which ends by itself in time, may take longer before it is ended, as a share of the limit.
 LATE = 0.5
-#: Seconds from ring to ring once the time is up: a ring is missed in what must be done whole, or what it raised is lost.
+#: Seconds from ring to ring once the time is up: one is missed in what must be done whole, or what it raised is lost.
 AGAIN = 0.02
 #: What must be done whole: an import (a module imported by half stays so) and logging (a lock kept stops every thread).
 WHOLE = ("importlib._bootstrap", "logging")
