@@ -39,6 +39,6 @@ def test_what_acts_inside_is_listed_as_out_of_reach():
 def test_a_diagnosis_without_simulations_left_says_so():
     rig = campaign(sine_test("a"), sine_test("b", size=2, seed=1))
     model = Simulator(spring, LINE[:1], INPUTS, OUTPUTS)
-    found = summary(diagnose(rig, model, ("backlash",), Settings(jobs=1, simulations=96)))
+    found = summary(diagnose(rig, model, ("backlash",), Settings(jobs=1, simulations=126)))
     assert not found["complete"]
     assert found["sentence"].startswith("The simulations that are allowed did not suffice")
