@@ -47,7 +47,7 @@ def show_diagnosis(found: Mapping[str, Any], folder: Path) -> None:
         console.print(found["next_experiment"]["sentence"])
     for warning in found["warnings"]:
         console.print(f"warning: {warning}")
-    console.print(f"{found['seconds']:.1f} s; page: {folder / 'diagnosis.html'}")
+    console.print(f"{found['seconds']:.1f} s of processor time; page: {folder / 'diagnosis.html'}")
 
 
 def _under_conditions(where: Mapping[str, Any]) -> Table:

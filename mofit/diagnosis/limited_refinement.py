@@ -16,12 +16,15 @@ _FIRST, _PACE = 2, 8
 #: Share of what a start lacks of the limit that a Newton step must promise, and the last iterations must have gained:
 #: with less, hardly anything will change.
 _HOPELESS = 0.05
+#: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
+_BEHIND = 0.5
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
     """The best minimum from starts (K, d) of the unit cube.
 
-    ``limit`` is the value that counts: a start far above it ends where hardly anything changes.
+    ``limit`` is the value that counts: a start far above it ends where hardly anything changes, and one behind another
+    where it cannot catch up with that one.
 
     Raises
     ------
@@ -42,7 +45,9 @@ class _Hopes:
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
         on = np.ones(len(values), dtype=bool)
         if self.iterations >= _FIRST:
-            on &= _may_win(values, gradients, hessians, self.limit)
+            promised = _promised(gradients, hessians)
+            best = np.min(values, initial=np.inf, where=np.isfinite(values))
+            on &= (promised > _HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
         if len(self.before) == _PACE:
             on &= self.before[0] - values > _HOPELESS * (values - self.limit)
         self.before.append(values)
@@ -50,11 +55,11 @@ class _Hopes:
         return on
 
 
-def _may_win(values: FloatArray, gradients: FloatArray, hessians: FloatArray, limit: float) -> NDArray[np.bool_]:
-    """Which points lack so little of the limit, or gain so much by a Newton step, that they may come down to it."""
+def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:
+    """By how much a Newton step from every point lowers the value, (K,)."""
     # scaled, and by a pseudo-inverse: beside derivatives of 1e30 a unit matrix makes none regular
     sizes = np.sqrt(1 + np.diagonal(hessians, axis1=1, axis2=2))
     scaled = (hessians + np.eye(gradients.shape[1])) / (sizes[:, :, None] * sizes[:, None, :])
     slopes = gradients / sizes
     steps = (np.linalg.pinv(scaled, hermitian=True) @ slopes[..., None])[..., 0]
-    return np.asarray(0.5 * np.sum(slopes * steps, axis=1) > _HOPELESS * (values - limit))
+    return np.asarray(0.5 * np.sum(slopes * steps, axis=1))

@@ -52,6 +52,33 @@ def test_the_best_of_several_starts_counts() -> None:
     assert found.value == pytest.approx(FLOOR, abs=1e-6)
 
 
+class Hills:
+    """Two minima on a line: near 0.2, of the floor's value, and near 0.8, far above it."""
+
+    def __init__(self) -> None:
+        self.evaluations = 0
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self.evaluations += len(points)
+        x = points[:, 0]
+        residual = np.stack([300 * (x - 0.2) * (x - 0.8), 30 * (x - 0.2)], axis=1)
+        jacobian = np.stack([600 * x - 300, 30 + 0 * x], axis=1)
+        gradient = np.sum(jacobian * residual, axis=1, keepdims=True)
+        return FLOOR + 0.5 * np.sum(residual**2, axis=1), gradient, np.sum(jacobian**2, axis=1)[:, None, None]
+
+
+def test_a_start_that_cannot_catch_up_with_the_best_ends_early() -> None:
+    def climbed(*starts: float) -> tuple[float, int]:
+        hills = Hills()
+        found = best_minimum(hills, np.array(starts)[:, None], RefineSettings(), FLOOR + 1000)
+        return found.value, hills.evaluations
+
+    (low, first), (high, second), (value, both) = climbed(0.3), climbed(0.65), climbed(0.3, 0.65)
+    assert value == pytest.approx(low) == pytest.approx(FLOOR)
+    assert high > FLOOR + 100
+    assert both <= first + second / 2
+
+
 def test_starts_that_cannot_be_evaluated_are_told() -> None:
     def fails(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         value, gradient, hessian = Valley()(points)
