@@ -107,7 +107,7 @@ class Finding:
     removed
         Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
     refuted
-        Whether tests left out contradict these effects, see `refutes`.
+        Whether tests left out are predicted no better with these effects, weighted by their noise.
     """
 
     effects: Sequence[str]
@@ -136,17 +136,6 @@ class Finding:
         if self.refuted:
             return "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
-
-
-def refutes(held_out: Share | None, left_share: float, settings: DiagnosisSettings) -> bool:
-    """Whether tests left out contradict a cause that leaves no more than noise of the tests which it was fitted to.
-
-    It must remove something of the gap there, and most of it there or in the fit.
-    """
-    if held_out is None:
-        return False
-    little = held_out.share < settings.partly and left_share > 1 - settings.partly
-    return held_out.may_be_nothing or little
 
 
 def conclude(
@@ -192,7 +181,7 @@ def conclude(
         left_share=share if removed and share is not None else left_share,
         doubtful=bool(doubtful),
         removed=removed,
-        refuted=refutes(held_out, left_share, settings),
+        refuted=held_out is not None and held_out.refutes,
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)
@@ -204,8 +193,8 @@ def conclude(
     laws = [(one.family, one.title) for one in effects if one.name in best.effects]
     if verdict == "unknown":
         titles = [title for _, title in laws]
-        if finding.refuted and held_out is not None:
-            near = refuted(titles, held_out)
+        if finding.refuted:
+            near = refuted(titles)
         else:
             near = nearest(titles, share) if laws else unexplained(found.best_residuals, after.unit)
         sentence = f"None of the known effects explains the gap{near}."

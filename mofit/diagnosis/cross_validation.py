@@ -138,6 +138,8 @@ class _Predicted:
         Against the reference, at every draw of the parameters, the first one at their estimates.
     observed
         Against the measured outputs beyond the noise, without and with the effect.
+    gain
+        By how much the whitened squares fall with the effect.
     evidence
         What it tells of new records.
     """
@@ -145,6 +147,7 @@ class _Predicted:
     hold_out: HoldOut
     squares: Squares
     observed: FloatArray
+    gain: float
     evidence: Evidence
 
     def judged(self, limit: float) -> _Predicted:
@@ -172,8 +175,8 @@ def _share(kind: Kind, predicted: Sequence[_Predicted], seed: int) -> Share | No
     _, high = interval([one.resampled(random) for one in holding], middle)
     before, after = np.sum([one.observed for one in held], axis=0)
     raw = 1 - after / before if before > 0 else 0.0
-    told = tuple(one.evidence for one in held)
-    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted), low, told)
+    gain, told = sum(one.gain for one in held), tuple(one.evidence for one in held)
+    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted), gain, told)
 
 
 def _predicted(
@@ -206,8 +209,10 @@ def _predicted(
         low, high = interval([squares.resampled(np.random.default_rng(reference.seed))], share)
         names = tuple(observed.problem.tests[number] for number in group.tests)
         series = tuple(_series(observed, group.tests, [[test[k] for test in side] for side in outputs]))
+        whitened = np.sum(errors[observed.explainable] ** 2, axis=0)
         told = evidence_of(best, alone, group.tests, errors, direct)
-        yield _Predicted(HoldOut(group.name, names, share, low, high, diverged, series), squares, beyond, told)
+        one = HoldOut(group.name, names, share, low, high, diverged, series)
+        yield _Predicted(one, squares, beyond, float(whitened[0] - whitened[1]), told)
 
 
 def _only(observed: WhitenedData, tests: Sequence[int]) -> WhitenedData:

@@ -59,15 +59,12 @@ class Attribution:
         return min([self.baseline_residuals.p_value, *(one.p_holm for one in self.score_tests)])
 
     def has_gap(self, settings: DiagnosisSettings) -> bool:
-        """Whether there is a gap: by the residual tests, or by score tests if a model with effects is distinguishable.
+        """Whether there is a gap: by the residual tests, or by score tests if the best model has effects.
 
-        The largest of many scores is large by chance now and then; its effect then gains no more than its price.
+        The largest of many scores is large by chance now and then; its effect then gains less than its price.
         """
-        if self.baseline_residuals.p_value < settings.gap_p_value:
-            return True
-        without = next(one.criterion for one in self.models if not one.effects)
-        gains = without - self.best.criterion > settings.indistinguishable
-        return self.p_value < settings.gap_p_value and gains
+        p_value = self.p_value if self.best.effects else self.baseline_residuals.p_value
+        return p_value < settings.gap_p_value
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def share_on_records(baseline: Fitted, best: Fitted, records: Campaign, seed: in
         hold_outs.append(HoldOut(name, (name,), here.share, low, high, away, tuple(_series(held, number, fits))))
     share = joined(exact).share
     low, high = interval(drawn, share)
-    return Share("records", share, low, high, share, tuple(hold_outs), low, tuple(told))
+    return Share("records", share, low, high, share, tuple(hold_outs), evidence=tuple(told))
 
 
 def _seen(held: WhitenedData, fits: Sequence[_Predicting]) -> tuple[WhitenedData, FloatArray]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.residual_tests import Residuals
-from mofit.diagnosis.shrinkage import Share
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 
 #: An effect in words: its family and its own title.
@@ -66,10 +65,9 @@ def nearest(titles: Sequence[str], share: float) -> str:
     return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
 
 
-def refuted(titles: Sequence[str], share: Share) -> str:
-    """How little the best model removes on tests left out, although it leaves no more than noise of those fitted."""
-    part, low, high = (f"{100 * value:.0f}" for value in (share.share, share.low, share.high))
-    return f". On {share.place} the nearest, {' with '.join(titles)}, removes {part} % of the gap ({low} to {high} %)"
+def refuted(titles: Sequence[str]) -> str:
+    """That the best model predicts tests left out no better, although it leaves no more than noise of those fitted."""
+    return f". Tests left out in turn are predicted no better with the nearest, {' with '.join(titles)}"
 
 
 def unexplained(residuals: Residuals, unit: str) -> str:

@@ -80,8 +80,8 @@ class Share:
     observed
         The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
         hides a small gap. Of the hold-outs that hold.
-    least
-        Lower end of the share on the very hold-outs, had others been drawn like them; ``low`` if it is not known.
+    gain
+        By how much the whitened squares of the predictions' errors fall in the hold-outs that hold; None of records.
     evidence
         What the hold-outs that hold tell of other records.
     """
@@ -92,14 +92,13 @@ class Share:
     high: float
     observed: float
     hold_outs: tuple[HoldOut, ...]
-    least: float | None = None
+    gain: float | None = None
     evidence: tuple[Evidence, ...] = ()
 
     @property
-    def may_be_nothing(self) -> bool:
-        """Whether nothing may be removed, although every fit holds."""
-        least = self.low if self.least is None else self.least
-        return least <= 0 and not any(one.ran_away for one in self.hold_outs)
+    def refutes(self) -> bool:
+        """Whether the hold-outs are predicted no better with the effect, weighted by their noise."""
+        return self.gain is not None and self.gain <= 0
 
     def foretelling(self, tests: Sequence[Evidence], seed: int) -> Share:
         """The same with the interval of another record like these; ``tests`` tell how records differ.

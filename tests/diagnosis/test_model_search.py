@@ -65,12 +65,13 @@ def test_where_none_explains_most_of_the_gap_all_are_fitted():
 
 @pytest.mark.parametrize(
     ("residuals", "score", "gain", "gap"),
-    [(0.5, 1e-3, 4.0, False), (0.5, 1e-3, 5.0, True), (1e-3, 1.0, 0.0, True), (0.5, 0.5, 9.0, False)],
+    [(0.5, 1e-3, -1.0, False), (0.5, 1e-3, 1.0, True), (1e-3, 1.0, -1.0, True), (0.5, 0.5, 9.0, False)],
     ids=["by chance", "an effect gains", "residual tests", "nothing significant"],
 )
 def test_a_score_alone_shows_no_gap_that_its_effect_does_not_gain(residuals, score, gain, gap):
     left, tests = Residuals((), residuals), (SimpleNamespace(p_holm=score),)
-    found = Attribution(None, left, tests, (model(100.0, "a"), model(100.0 + gain)), left)
+    models = sorted((model(100.0), model(100.0 - gain, "a")), key=lambda one: one.criterion)
+    found = Attribution(None, left, tests, tuple(models), left)
     assert found.has_gap(DiagnosisSettings()) is gap
 
 

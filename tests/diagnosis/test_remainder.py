@@ -66,14 +66,13 @@ def test_few_tests_tell_less_than_many() -> None:
     assert few[1] / few[0] > many[1] / many[0]
 
 
-def test_the_share_stays_within_its_interval_and_the_old_end_decides() -> None:
+def test_the_share_stays_within_its_interval() -> None:
     random = np.random.default_rng(1)
     tests = tuple(hold_out(0.1, 1e-3, random) for _ in range(4))
-    share = Share("test", 0.999, 0.998, 0.9995, 0.999, (), -0.1, tests)
+    share = Share("test", 0.999, 0.998, 0.9995, 0.999, (), evidence=tests)
     told = share.foretelling(tests, 0)
     assert told.low < 0.9 < told.high
     assert told.high >= told.share == 0.999
-    assert told.may_be_nothing
 
 
 @pytest.mark.parametrize(
