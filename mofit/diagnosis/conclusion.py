@@ -59,8 +59,8 @@ class Conclusion:
     Parameters
     ----------
     effects, families
-        Those of the indistinguishable models: effects beyond doubt first, and of these what the model lacks before what
-        the rig adds; then the most probable first.
+        Those of the indistinguishable models: families beyond doubt first, and of these what the model lacks before
+        what the rig adds; then the most probable first.
     indistinguishable
         The models with effects that the data cannot distinguish from the best, the best first.
     residual_share
@@ -231,23 +231,24 @@ def _named_effects(
         found.append(_named(holder, name, float(probability)))
     # beside 1, probabilities differ by less than their digits hold
     without = {
-        effect.name: sum(w for w, one in zip(weights, models, strict=True) if effect.name not in one.effects)
+        effect.family: sum(w for w, one in zip(weights, models, strict=True) if effect.family not in one.families)
         for effect in found
     }
-    return in_order(found, doubtful_effects([one.effects for one in equal]), without)
+    return in_order(found, doubtful_effects([sorted(one.families) for one in equal]), without)
 
 
 def in_order(
     effects: Sequence[NamedEffect], doubtful: Collection[str], without: Mapping[str, float]
 ) -> tuple[NamedEffect, ...]:
-    """Beyond doubt first: what the model lacks, then what the rig adds; then those that are ``doubtful``.
+    """Families beyond doubt first: what the model lacks, then what the rig adds; then those that are ``doubtful``.
 
-    Of equals the most probable first; ``without`` are the probabilities that there is no such effect.
+    Of equals the most probable family first, and of a family the most probable effect; ``without`` are the
+    probabilities that there is none of a family.
     """
 
-    def place(one: NamedEffect) -> tuple[bool, bool, float]:
-        unsure = one.name in doubtful
-        return unsure, one.of_rig and not unsure, without[one.name]
+    def place(one: NamedEffect) -> tuple[bool, bool, float, float]:
+        unsure = one.family in doubtful
+        return unsure, one.of_rig and not unsure, without[one.family], -one.probability
 
     return tuple(sorted(effects, key=place))
 

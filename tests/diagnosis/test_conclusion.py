@@ -1,5 +1,7 @@
 """When a gap counts as explained: what is left must be significant, large enough, and more than models may leave."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,6 +63,12 @@ def test_what_the_model_lacks_is_named_before_what_the_rig_adds():
 def test_of_causes_beyond_doubt_the_surest_comes_first():
     offset, order = named("test_offset", 1.0, True), named("wheel_order", 1.0, True)
     assert in_order([offset, order], set(), {"test_offset": 1e-30, "wheel_order": 1e-200}) == (order, offset)
+
+
+def test_laws_that_cannot_be_told_apart_of_a_family_beyond_doubt_come_first():
+    play, graded = (replace(named(name, p, False), family="play") for name, p in (("backlash", 0.4), ("graded", 0.6)))
+    stiffness = named("stiffness", 0.98, False)
+    assert in_order([stiffness, play, graded], set(), {"stiffness": 0.02, "play": 1e-30}) == (graded, play, stiffness)
 
 
 @pytest.mark.parametrize(
