@@ -178,8 +178,9 @@ def keep_code(key: str, code: bytes, most_files: int = MOST_FILES) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(sha256(code).digest() + code)
         os.replace(temporary, folder / key)
-        files = [path for path in folder.iterdir() if not path.name.startswith(".")]
+        with os.scandir(folder) as entries:  # there are thousands
+            files = [one for one in entries if not one.name.startswith(".")]
         if len(files) > most_files:
-            files.sort(key=lambda path: path.stat().st_atime_ns)
-            for path in files[: len(files) - most_files + most_files // _SPARE]:
-                path.unlink(missing_ok=True)
+            files.sort(key=lambda one: one.stat().st_atime_ns)
+            for one in files[: len(files) - most_files + most_files // _SPARE]:
+                Path(one).unlink(missing_ok=True)
