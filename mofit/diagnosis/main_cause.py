@@ -12,7 +12,7 @@ from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.model_search import Attribution, attribute
+from mofit.diagnosis.model_search import Attribution, attribute, best_single
 from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
@@ -106,8 +106,8 @@ def _best_by_squares(
     """
     known = baseline.hypothesis.observed
     alike = whiten(known.problem, known.calibrations, known.simulators)
-    single = replace(settings, most_effects=1)
-    return _attributed(fit_baseline(alike, baseline.minimum.point, seed), effects, single, progress)[1].best.fitted
+    again = fit_baseline(alike, baseline.minimum.point, seed)
+    return best_single(again, _integrating(prepared(again, effects, progress)), settings, progress)
 
 
 def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
@@ -134,19 +134,16 @@ def _falls(before: WhitenedData, after: WhitenedData) -> bool:
 
 
 def _investigated(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
-    every, found = _attributed(baseline, effects, settings, progress)
+    every = prepared(baseline, effects, progress)
+    candidates = _integrating(every)
+    found = attribute(baseline, candidates, settings, progress)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
     before, after = residual_map(baseline), residual_map(found.best.fitted)
-    candidates = [candidate for candidate in every if candidate.integrates]
     return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
 
 
-def _attributed(
-    baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress
-) -> tuple[list[Candidate], Attribution]:
-    """The effects as candidates, and the search among those that integrate."""
-    every = prepared(baseline, effects, progress)
-    return every, attribute(baseline, [one for one in every if one.integrates], settings, progress)
+def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:
+    return [one for one in candidates if one.integrates]
 
 
 def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:

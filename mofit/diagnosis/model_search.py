@@ -181,6 +181,14 @@ def attribute(
     return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted), accounts=accounts)
 
 
+def best_single(
+    baseline: Fitted, candidates: Sequence[Candidate], settings: DiagnosisSettings, progress: Progress = silent
+) -> Fitted:
+    """The best fit with one of the effects whose scores promise most; the baseline where none helps."""
+    state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
+    return state.singly(state.score_tests_at(baseline), settings.promising, progress).best.fitted
+
+
 def _leaves_more(state: _Search, share: float, doubt: float) -> bool:
     """Whether the best model leaves more than this share of the baseline's whitened squares beyond the noise.
 
