@@ -22,7 +22,9 @@ def cause(laws: Sequence[Law], others: Sequence[Law] = (), left: str = "") -> st
     rest = f"; {left}" if left else ""
     if len(laws) > 1:
         listed = " and ".join(f"{family}{_best_law(family, title)}" for family, title in laws)
-        start, named = f"Several effects cause {what}: {listed}{rest}.", "them"
+        start = f"Several effects cause {what}: {listed}{rest}."
+        doubtful = [title for family, title in laws if all(other == family for other, _ in others)]
+        named = doubtful[0] if len(doubtful) == 1 else "them"
     else:
         ((family, title),) = laws
         start = f"{family[0].upper()}{family[1:]} causes {what}{_best_law(family, title)}{rest}."

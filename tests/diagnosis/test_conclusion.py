@@ -141,3 +141,5 @@ def test_a_family_that_all_candidates_share_is_named_without_doubt():
     assert cause([DAHL], [other, DRIFT]).endswith(
         "These data cannot distinguish it from Coulomb friction or drift over the campaign."
     )
+    assert cause([DRIFT, DAHL], [other]).endswith("distinguish dry friction (Dahl) from Coulomb friction.")
+    assert cause([DRIFT, DAHL], [other, ("play", "play")]).endswith("distinguish them from Coulomb friction or play.")
