@@ -12,7 +12,7 @@ from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.model_search import Attribution, attribute, best_single
+from mofit.diagnosis.model_search import Attribution, attribute
 from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
@@ -107,7 +107,7 @@ def _best_by_squares(
     known = baseline.hypothesis.observed
     alike = whiten(known.problem, known.calibrations, known.simulators)
     again = fit_baseline(alike, baseline.minimum.point, seed)
-    return best_single(again, _integrating(prepared(again, effects, progress)), settings, progress)
+    return _investigated(again, effects, settings, progress, promising_only=True).found.best.fitted
 
 
 def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
@@ -133,17 +133,20 @@ def _falls(before: WhitenedData, after: WhitenedData) -> bool:
     return any(new < _PART_WAS_GAP * old for old, new in powers)
 
 
-def _investigated(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
+def _investigated(
+    baseline: Fitted,
+    effects: Sequence[Effect],
+    settings: DiagnosisSettings,
+    progress: Progress,
+    *,
+    promising_only: bool = False,
+) -> Case:
     every = prepared(baseline, effects, progress)
-    candidates = _integrating(every)
-    found = attribute(baseline, candidates, settings, progress)
+    candidates = [candidate for candidate in every if candidate.integrates]
+    found = attribute(baseline, candidates, settings, progress, promising_only=promising_only)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
     before, after = residual_map(baseline), residual_map(found.best.fitted)
     return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
-
-
-def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:
-    return [one for one in candidates if one.integrates]
 
 
 def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:
@@ -159,8 +162,8 @@ def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Prog
     ignored = case.settings.resolution * case.before.relative
     baseline = case.found.baseline
     noisy = with_discrepancy(baseline.hypothesis.observed, ignored)
-    single = replace(case.settings, most_effects=1)
-    again = _investigated(fit_baseline(noisy, baseline.minimum.point, seed), effects, single, progress)
+    fitted = fit_baseline(noisy, baseline.minimum.point, seed)
+    again = _investigated(fitted, effects, case.settings, progress, promising_only=True)
     if stands_out(again.found, case.settings):
         yield replace(again, ignored=ignored, is_main=True)
 

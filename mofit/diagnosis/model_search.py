@@ -152,12 +152,17 @@ class _Search:
 
 
 def attribute(
-    baseline: Fitted, candidates: Sequence[Candidate], settings: DiagnosisSettings, progress: Progress = silent
+    baseline: Fitted,
+    candidates: Sequence[Candidate],
+    settings: DiagnosisSettings,
+    progress: Progress = silent,
+    *,
+    promising_only: bool = False,
 ) -> Attribution:
     """Search forwards: single effects first, then one more at a time as long as something significant is left.
 
     A model with more effects is best only if its information criterion is, and every part of the best set is tried too:
-    so the search prunes backwards as well.
+    so the search prunes backwards as well. With ``promising_only`` it ends with the single effects that score most.
     """
     scores, residuals = score_tests(baseline, candidates), residual_tests(baseline)
     state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
@@ -166,6 +171,8 @@ def attribute(
         reasons = dict.fromkeys((one.name for one in scores), "there is no gap")
         return replace(nothing, accounts=accounts_of(scores, state.models, {}, reasons))
     state = state.singly(scores, settings.promising, progress)
+    if promising_only:
+        return _attribution(nothing, state)
     if residual_tests(state.best.fitted).p_value < settings.residual_p_value:
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right, and the minimum
         # may lie far beyond the size that its score lets expect
@@ -177,16 +184,13 @@ def attribute(
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0
         state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
-    accounts = accounts_of(scores, state.models, state.failed, state.passed_over)
-    return replace(nothing, models=state.models, best_residuals=residual_tests(state.best.fitted), accounts=accounts)
+    return _attribution(nothing, state)
 
 
-def best_single(
-    baseline: Fitted, candidates: Sequence[Candidate], settings: DiagnosisSettings, progress: Progress = silent
-) -> Fitted:
-    """The best fit with one of the effects whose scores promise most; the baseline where none helps."""
-    state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
-    return state.singly(state.score_tests_at(baseline), settings.promising, progress).best.fitted
+def _attribution(begun: Attribution, state: _Search) -> Attribution:
+    """All that was tried, with what it ended with."""
+    accounts = accounts_of(begun.score_tests, state.models, state.failed, state.passed_over)
+    return replace(begun, models=state.models, best_residuals=residual_tests(state.best.fitted), accounts=accounts)
 
 
 def _leaves_more(state: _Search, share: float, doubt: float) -> bool:
