@@ -63,6 +63,17 @@ def test_where_none_explains_most_of_the_gap_all_are_fitted():
     assert {one.name: one.outcome for one in found.accounts} == dict.fromkeys(names, "fitted")
 
 
+def test_with_what_scores_most_alone_the_search_ends():
+    baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
+    names = ("asymmetric_stiffness", "delay", "inertia", "payne", "force_offset")
+    candidates = [prepare(baseline, find_effect(name)) for name in names]
+    found = attribute(baseline, candidates, DiagnosisSettings(), promising_only=True)
+    first = found.score_tests[0]
+    assert max(len(one.effects) for one in found.models) == 1
+    fitted = {name for one in found.models for name in one.effects}
+    assert fitted == {one.name for one in found.score_tests if one.promise >= 0.1 * first.promise} != {*names}
+
+
 @pytest.mark.parametrize(
     ("residuals", "score", "gain", "gap"),
     [(0.5, 1e-3, -1.0, False), (0.5, 1e-3, 1.0, True), (1e-3, 1.0, -1.0, True), (0.5, 0.5, 9.0, False)],
