@@ -162,10 +162,24 @@ class Shrinkage:
     @property
     def caveat(self) -> str:
         """What to know of the shares; empty if nothing."""
-        if not self.ran_away:
-            return self.note
-        away = f"Not determined without {_listed(self.ran_away)}: the fit to the other tests runs away"
-        return f"{away}, and nothing counts as removed there. {self.note}".strip()
+        away = (
+            f"Not determined without {_listed(self.ran_away)}: the fit to the other tests runs away, "
+            "and nothing counts as removed there."
+            if self.ran_away
+            else ""
+        )
+        return " ".join(part for part in (away, self._hidden, self.note) if part)
+
+    @property
+    def _hidden(self) -> str:
+        """That the noise hides the share, though not that there is one."""
+        alike = self.of("test")
+        if self.headline.low > 0 or alike is None or alike.gain is None or alike.refutes:
+            return ""
+        return (
+            "The noise hides how much it removes: the interval holds 0 %. Weighted by their noise, tests left out in "
+            f"turn are predicted better with it: the squares of their errors fall by {alike.gain:.3g} times its variance."
+        )
 
     @property
     def reason(self) -> str:

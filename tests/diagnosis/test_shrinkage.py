@@ -53,6 +53,7 @@ def test_a_fit_that_runs_away_is_told_beside_the_shares_of_the_others() -> None:
     caveat = summary(one_away)["shrinkage"]["caveat"]
     assert caveat.startswith("Not determined without 4Hz: ")
     assert caveat in one_away._repr_html_()
+    assert "noise" not in caveat
 
 
 def test_the_interval_is_as_wide_as_the_tests_disagree() -> None:
@@ -89,4 +90,7 @@ def test_weighted_squares_tell_of_a_weak_effect_where_its_share_does_not() -> No
     found = damper_diagnosis((("dry_friction", (("F_d", damper_rig.NOISE / 4),)),))
     alike = found.shrinkage.of("test")
     assert alike.low < 0 < alike.gain
+    assert (
+        "Weighted by their noise, tests left out in turn are predicted better" in summary(found)["shrinkage"]["caveat"]
+    )
     assert [one.name for one in found.conclusion.effects] == ["dry_friction"]
