@@ -178,7 +178,8 @@ class Shrinkage:
             return ""
         return (
             "The noise hides how much it removes: the interval holds 0 %. Weighted by their noise, tests left out in "
-            f"turn are predicted better with it: the squares of their errors fall by {alike.gain:.3g} times its variance."
+            "turn are predicted better with it: the squares of their errors fall by "
+            f"{alike.gain:.3g} times its variance."
         )
 
     @property
