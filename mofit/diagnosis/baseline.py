@@ -102,7 +102,7 @@ def baseline_in_wide_ranges(
     found, notes = _first_fit(setup, cache), list[str]()
     point = found.minimum.point[: len(found.hypothesis.observed.problem.space)]
     if steady_from_start(setup.posterior.main):  # else the noise at the point is not worth its cost
-        # its steps for this point alone: those for the whole box would cost more than all else here
+        # its steps for this point alone: to calibrate those of the whole box takes several times as long
         here = setup.posterior.near(point[None], np.zeros(len(point)))
         led = led_in(setup, here.with_noise_at(point), replace(found.minimum, point=point))
         if led is not None:

@@ -107,7 +107,8 @@ def _best_by_squares(
     known = baseline.hypothesis.observed
     alike = whiten(known.problem, known.calibrations, known.simulators)
     again = fit_baseline(alike, baseline.minimum.point, seed)
-    return _investigated(again, effects, settings, progress, promising_only=True).found.best.fitted
+    candidates = _integrating(prepared(again, effects, progress))
+    return attribute(again, candidates, settings, progress, promising_only=True).best.fitted
 
 
 def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
@@ -142,11 +143,15 @@ def _investigated(
     promising_only: bool = False,
 ) -> Case:
     every = prepared(baseline, effects, progress)
-    candidates = [candidate for candidate in every if candidate.integrates]
+    candidates = _integrating(every)
     found = attribute(baseline, candidates, settings, progress, promising_only=promising_only)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
     before, after = residual_map(baseline), residual_map(found.best.fitted)
     return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+
+
+def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:
+    return [one for one in candidates if one.integrates]
 
 
 def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:

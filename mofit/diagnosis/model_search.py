@@ -61,7 +61,7 @@ class Attribution:
     def has_gap(self, settings: DiagnosisSettings) -> bool:
         """Whether there is a gap: by the residual tests, or by score tests if the best model has effects.
 
-        The largest of many scores is large by chance now and then; its effect then gains less than its price.
+        The largest of many scores is large by chance now and then; its effect then gains less than its penalty.
         """
         p_value = self.p_value if self.best.effects else self.baseline_residuals.p_value
         return p_value < settings.gap_p_value

@@ -49,7 +49,7 @@ class DiagnosisSettings:
     """
 
     gap_p_value: float = 5e-3
-    """p-value below which there is a gap; of score tests alone, if an effect gains more than its price as well."""
+    """p-value below which there is a gap; of score tests alone, if an effect gains more than its penalty as well."""
     one_more_p_value: float = 3e-3
     """p-value below which one more effect is tried beside those found."""
     residual_p_value: float = 1e-3
