@@ -13,9 +13,9 @@ from mofit.diagnosis.effect_size import parameters_of, size_of
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.refit import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.residual_map import ResidualMap
-from mofit.diagnosis.sentences import cause, left_over, nearest, refuted, rig_and_model, unexplained
+from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, rig_and_model, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.shrinkage import Share
+from mofit.diagnosis.shrinkage import Shrinkage
 
 Verdict = Literal["none", "effect", "group", "several", "partly", "unknown"]
 
@@ -107,7 +107,7 @@ class Finding:
     removed
         Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
     refuted
-        Whether tests left out are predicted no better with these effects, weighted by their noise.
+        Whether tests left out are no more probable with these effects, or some are far less.
     """
 
     effects: Sequence[str]
@@ -131,10 +131,8 @@ class Finding:
         unexplained = self.beyond_noise(settings) and self.left_share > limit
         if not self.significant or not (self.effects or unexplained):
             return "none"
-        if unexplained or not self.effects:
+        if unexplained or self.refuted or not self.effects:
             return "partly" if self.effects and self.removed >= settings.partly else "unknown"
-        if self.refuted:
-            return "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
 
 
@@ -147,7 +145,7 @@ def conclude(
     ignored: float = 0.0,
     share: float | None = None,
     removed: float = 0.0,
-    held_out: Share | None = None,
+    held_out: Shrinkage | None = None,
     rivals: Sequence[CandidateModel] = (),
 ) -> Conclusion:
     """Draw the conclusion from the gap before and after the best model.
@@ -161,7 +159,7 @@ def conclude(
     removed
         See `Finding`.
     held_out
-        Share of the gap that the best model removes on tests left out in turn.
+        What tests left out tell of the best model.
     rivals
         Models of other causes that explain about as much as the best, a main cause.
     """
@@ -191,10 +189,11 @@ def conclude(
         return Conclusion("none", "No gap: the residual is noise.", (), (), (), share, tuple(weights))
     effects = _named_effects(found.models, equal, weights)
     laws = [(one.family, one.title) for one in effects if one.name in best.effects]
+    contradicting = [] if held_out is None else [one.name for one in held_out.contradicting]
     if verdict == "unknown":
         titles = [title for _, title in laws]
         if finding.refuted:
-            near = refuted(titles)
+            near = refuted(titles, contradicting)
         else:
             near = nearest(titles, share) if laws else unexplained(found.best_residuals, after.unit)
         sentence = f"None of the known effects explains the gap{near}."
@@ -202,6 +201,7 @@ def conclude(
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
         sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
         certain = [(one.title, one.of_rig) for one in effects if one.name in best.effects and one.name not in doubtful]
+        sentence += contradicted(contradicting)
         sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))

@@ -19,6 +19,7 @@ from mofit.diagnosis.mean_squares import mean_squares, noise_squares, products_o
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
+from mofit.diagnosis.predictive_density import deviance
 from mofit.diagnosis.remainder import Evidence
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage, Squares, interval, joined
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -138,8 +139,6 @@ class _Predicted:
         Against the reference, at every draw of the parameters, the first one at their estimates.
     observed
         Against the measured outputs beyond the noise, without and with the effect.
-    gain
-        By how much the whitened squares fall with the effect.
     evidence
         What it tells of new records.
     """
@@ -147,7 +146,6 @@ class _Predicted:
     hold_out: HoldOut
     squares: Squares
     observed: FloatArray
-    gain: float
     evidence: Evidence
 
     def judged(self, limit: float) -> _Predicted:
@@ -156,7 +154,7 @@ class _Predicted:
         worse = after[0].sum() - before[0].sum() > limit * before.shape[1]
         if not (worse or self.hold_out.ran_away):
             return self
-        away = replace(self.hold_out, share=0.0, low=0.0, high=0.0, ran_away=True)
+        away = replace(self.hold_out, share=0.0, low=0.0, high=0.0, ran_away=True, gain=0.0)
         return replace(self, hold_out=away, squares=Squares(before, before, np.zeros_like(before)))
 
 
@@ -175,8 +173,8 @@ def _share(kind: Kind, predicted: Sequence[_Predicted], seed: int) -> Share | No
     _, high = interval([one.resampled(random) for one in holding], middle)
     before, after = np.sum([one.observed for one in held], axis=0)
     raw = 1 - after / before if before > 0 else 0.0
-    gain, told = sum(one.gain for one in held), tuple(one.evidence for one in held)
-    return Share(kind, middle, low, high, min(float(raw), 1.0), tuple(one.hold_out for one in predicted), gain, told)
+    hold_outs, told = tuple(one.hold_out for one in predicted), tuple(one.evidence for one in held)
+    return Share(kind, middle, low, high, min(float(raw), 1.0), hold_outs, told)
 
 
 def _predicted(
@@ -188,12 +186,12 @@ def _predicted(
     baseline, best = found.baseline, found.best.fitted
     observed, rows = baseline.hypothesis.observed, len(reference.rows)
     folds = [leave_out(fitted, [one.tests for one in left_out], settings) for fitted in (baseline, best)]
-    residuals = [model.linear(points).residual[:, :rows] for model, points in folds]
+    linear = [model.linear(points) for model, points in folds]
     outputs = [[test for test, _ in model.outputs(points)] for model, points in folds]
     response = -best.jacobian[:rows, best.free]
     for k, group in enumerate(left_out):
         here = np.isin(observed.test, group.tests)
-        errors = np.where(here[:, None], np.stack([residual[k] for residual in residuals], axis=1), 0.0)
+        errors = np.where(here[:, None], np.stack([one.residual[k, :rows] for one in linear], axis=1), 0.0)
         diverged = not stable(errors)
         if diverged:  # nothing is known to be removed of the gap that the fit to all tests shows
             errors = np.column_stack(2 * [baseline.residual[:rows] * here])
@@ -209,10 +207,24 @@ def _predicted(
         low, high = interval([squares.resampled(np.random.default_rng(reference.seed))], share)
         names = tuple(observed.problem.tests[number] for number in group.tests)
         series = tuple(_series(observed, group.tests, [[test[k] for test in side] for side in outputs]))
-        whitened = np.sum(errors[observed.explainable] ** 2, axis=0)
         told = evidence_of(best, alone, group.tests, errors, direct)
-        one = HoldOut(group.name, names, share, low, high, diverged, series)
-        yield _Predicted(one, squares, beyond, float(whitened[0] - whitened[1]), told)
+        gain = 0.0 if diverged else _gain((baseline, best), linear, k, group.tests)
+        one = HoldOut(group.name, names, share, low, high, diverged, series, gain)
+        yield _Predicted(one, squares, beyond, told)
+
+
+def _gain(fits: Sequence[Fitted], without: Sequence[Linear], number: int, tests: Sequence[int]) -> float:
+    """By how much the deviance of these tests falls from the first fit to the second, both without them.
+
+    0 where derivatives diverge: then nothing is known of it.
+    """
+    if not all(stable(one.jacobian[number]) for one in without):
+        return 0.0
+    first, second = (
+        deviance(fitted, tests, one.residual[number], one.jacobian[number])
+        for fitted, one in zip(fits, without, strict=True)
+    )
+    return first - second
 
 
 def _only(observed: WhitenedData, tests: Sequence[int]) -> WhitenedData:

@@ -214,7 +214,7 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
     removed = removed if main else 0.0
     before, after, rules = case.before, case.after, case.settings
     conclusion = conclude(
-        found, before, after, rules, ignored=case.ignored, share=share, removed=removed, held_out=alike, rivals=near
+        found, before, after, rules, ignored=case.ignored, share=share, removed=removed, held_out=shrinkage, rivals=near
     )
     if shrinkage and conclusion.verdict == "unknown":
         shrinkage, reason = None, "tests left out contradict the nearest of the known effects"

@@ -35,7 +35,8 @@ def evidence_of(
     moved = errors[:, 1] - best.residual[:rows] * here
     columns = np.column_stack([moved, errors[:, 0] - errors[:, 1], response])
     products = products_of_tests(observed, columns, tests)
-    whole, without = covariance_of(best), _covariance_without(best, tests)
+    root = covariance_root_without(best, tests)
+    whole, without = covariance_of(best), root @ root.T
     seen = np.column_stack([errors[:, 1], columns[:, 1:], best.residual[:rows] * here])
     power, gaps = power_of(observed, tests, seen, direct, without), products[:, 1, 1]
     return evidence(power, products[:, 2:, 2:], gaps, whole, without, float(products[:, 0, 0].sum()))
@@ -72,10 +73,12 @@ def covariance_of(best: Fitted) -> FloatArray:
     return np.asarray(best.covariance_root @ best.covariance_root.T)
 
 
-def _covariance_without(best: Fitted, tests: Sequence[int]) -> FloatArray:
-    """Covariance of the free parameters from the other tests; what a test has of its own it tells itself."""
+def covariance_root_without(best: Fitted, tests: Sequence[int]) -> FloatArray:
+    """Root of the covariance of the free parameters from the other tests; what a test has of its own it tells itself.
+
+    Lower triangular L (f, f), the covariance being L L'.
+    """
     own, test = np.isin(best.hypothesis.layout.only_test[best.free], tests), best.hypothesis.observed.test
     design = best.design
     design[: len(test)][np.ix_(np.isin(test, tests), ~own)] = 0.0
-    root = covariance_root(design)
-    return np.asarray(root @ root.T)
+    return covariance_root(design)

@@ -67,9 +67,19 @@ def nearest(titles: Sequence[str], share: float) -> str:
     return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
 
 
-def refuted(titles: Sequence[str]) -> str:
-    """That the best model predicts tests left out no better, although it leaves no more than noise of those fitted."""
-    return f". Tests left out in turn are predicted no better with the nearest, {' with '.join(titles)}"
+def refuted(titles: Sequence[str], contradicting: Sequence[str]) -> str:
+    """That the best model fits, but predicts tests left out no better, or those that contradict it worse."""
+    near = f"the nearest, {' with '.join(titles)}"
+    if contradicting:
+        return f". Without {near}, {' and '.join(contradicting)} would be predicted better from the other tests"
+    return f". Tests left out in turn are predicted no better with {near}"
+
+
+def contradicted(contradicting: Sequence[str]) -> str:
+    """That tests left out contradict the law of a main cause; empty if none does."""
+    if not contradicting:
+        return ""
+    return f" Its law does not hold throughout: from the other tests it predicts {' and '.join(contradicting)} worse."
 
 
 def unexplained(residuals: Residuals, unit: str) -> str:

@@ -16,6 +16,8 @@ Kind = Literal["test", "group", "records"]
 KINDS: tuple[Kind, ...] = ("test", "group", "records")
 #: Most decimals of a share in per cent: what is left of the gap is hardly known to a millionth.
 _DECIMALS = 4
+#: So many times more probable without an effect is a hold-out that contradicts it: one in as many, where it holds.
+_ODDS = 1000.0
 _PLACES = {"test": "tests left out in turn", "group": "whole groups of tests left out", "records": "records held out"}
 
 
@@ -49,6 +51,9 @@ class HoldOut:
         Whether the fit to the other tests runs away: nothing is removed, then.
     predictions
         Of the tests left out.
+    gain
+        By how much minus twice the logarithm of their predictive density falls with the effect, see
+        `mofit.diagnosis.predictive_density.deviance`; 0 where that is not known.
     """
 
     name: str
@@ -58,6 +63,7 @@ class HoldOut:
     high: float
     ran_away: bool = False
     predictions: tuple[HeldOut, ...] = ()
+    gain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -80,8 +86,6 @@ class Share:
     observed
         The predictions against the measured outputs themselves, noise subtracted: no model in between, but the noise
         hides a small gap. Of the hold-outs that hold.
-    gain
-        By how much the whitened squares of the predictions' errors fall in the hold-outs that hold; None of records.
     evidence
         What the hold-outs that hold tell of other records.
     """
@@ -92,13 +96,18 @@ class Share:
     high: float
     observed: float
     hold_outs: tuple[HoldOut, ...]
-    gain: float | None = None
     evidence: tuple[Evidence, ...] = ()
 
     @property
-    def refutes(self) -> bool:
-        """Whether the hold-outs are predicted no better with the effect, weighted by their noise."""
-        return self.gain is not None and self.gain <= 0
+    def gain(self) -> float:
+        """That of all hold-outs."""
+        return sum(one.gain for one in self.hold_outs)
+
+    @property
+    def contradicting(self) -> tuple[HoldOut, ...]:
+        """Hold-outs that are far more probable without the effect: with a probability of 0.1 % by chance, of all."""
+        limit = 2 * np.log(len(self.hold_outs) * _ODDS) if self.hold_outs else 0.0
+        return tuple(one for one in self.hold_outs if one.gain < -limit)
 
     def foretelling(self, tests: Sequence[Evidence], seed: int) -> Share:
         """The same with the interval of another record like these; ``tests`` tell how records differ.
@@ -151,6 +160,17 @@ class Shrinkage:
         return next((one for one in self.shares if one.kind == kind), None)
 
     @property
+    def contradicting(self) -> tuple[HoldOut, ...]:
+        """Hold-outs that contradict the effect, see `Share.contradicting`."""
+        return tuple(one for share in self.shares for one in share.contradicting)
+
+    @property
+    def refutes(self) -> bool:
+        """Whether a hold-out contradicts the effect, or tests left out in turn are no more probable with it."""
+        alike = self.of("test")
+        return bool(self.contradicting) or (alike is not None and alike.gain <= 0)
+
+    @property
     def sentence(self) -> str:
         """The headline with its interval, and beside it the least demanding kind."""
         head, least = self.headline, self.shares[0]
@@ -174,12 +194,12 @@ class Shrinkage:
     def _hidden(self) -> str:
         """That the noise hides the share, though not that there is one."""
         alike = self.of("test")
-        if self.headline.low > 0 or alike is None or alike.gain is None or alike.refutes:
+        if self.headline.low > 0 or alike is None or self.refutes:
             return ""
+        times = alike.gain / (2 * np.log(10))
         return (
             "The noise hides how much it removes: the interval holds 0 %. Weighted by their noise, tests left out in "
-            "turn are predicted better with it: the squares of their errors fall by "
-            f"{alike.gain:.3g} times its variance."
+            f"turn are predicted better with it: they are 10^{times:.1f} times as probable."
         )
 
     @property

@@ -8,9 +8,9 @@ import pytest
 from mofit.diagnosis.conclusion import Finding, NamedEffect, doubtful_effects, in_order
 from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.residual_tests import Residuals, ResidualTest
-from mofit.diagnosis.sentences import cause, left_over, nearest, refuted, unexplained
+from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.shrinkage import Share
+from mofit.diagnosis.shrinkage import HoldOut, Share, Shrinkage
 
 
 @pytest.mark.parametrize(
@@ -90,15 +90,39 @@ def test_what_is_left_but_hidden_by_the_noise_is_no_part():
     assert Finding(("dry_friction",), True, 0.1, 0.01, 0.2, removed=0.8).verdict(DiagnosisSettings()) == "effect"
 
 
-@pytest.mark.parametrize(("gain", "verdict"), [(5.0, "effect"), (-5.0, "unknown"), (None, "effect")])
-def test_tests_left_out_that_are_predicted_no_better_contradict_a_cause(gain, verdict):
-    share = Share("test", 0.02, -0.1, 0.95, 0.02, (), gain)
-    finding = Finding(("dry_friction",), True, 0.5, 0.01, 0.9, refuted=share.refutes)
+def left_out(*gains, kind="test"):
+    hold_outs = tuple(HoldOut(f"{k}", (f"{k}",), 0.5, 0.4, 0.6, gain=gain) for k, gain in enumerate(gains))
+    return Shrinkage((Share(kind, 0.5, 0.4, 0.6, 0.5, hold_outs),))
+
+
+@pytest.mark.parametrize(
+    ("held_out", "verdict"),
+    [
+        (left_out(5.0, -1.0), "effect"),
+        (left_out(5.0, -6.0), "unknown"),
+        # 2 log 2000 = 15.2
+        (left_out(100.0, -15.0), "effect"),
+        (left_out(100.0, -15.5), "unknown"),
+        (left_out(100.0, -15.5, kind="group"), "unknown"),
+        (left_out(1.0, -5.0, kind="group"), "effect"),
+    ],
+)
+def test_tests_left_out_that_are_less_probable_contradict_a_cause(held_out, verdict):
+    finding = Finding(("dry_friction",), True, 0.5, 0.01, 0.9, refuted=held_out.refutes)
     assert finding.verdict(DiagnosisSettings()) == verdict
+    main = replace(finding, removed=0.7)
+    assert main.verdict(DiagnosisSettings()) == ("effect" if verdict == "effect" else "partly")
 
 
 def test_a_contradicted_cause_is_told():
-    assert refuted(["payne"]) == ". Tests left out in turn are predicted no better with the nearest, payne"
+    assert refuted(["payne"], ()) == ". Tests left out in turn are predicted no better with the nearest, payne"
+    assert refuted(["payne"], ["sine_1", "sine_2"]) == (
+        ". Without the nearest, payne, sine_1 and sine_2 would be predicted better from the other tests"
+    )
+    assert contradicted([]) == ""
+    assert contradicted(["sine_1"]) == (
+        " Its law does not hold throughout: from the other tests it predicts sine_1 worse."
+    )
 
 
 def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():

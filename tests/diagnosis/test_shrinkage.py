@@ -85,7 +85,7 @@ def test_where_a_fit_runs_away_nothing_counts_as_removed() -> None:
     assert found.shrinkage.headline.share > 0.9
 
 
-def test_weighted_squares_tell_of_a_weak_effect_where_its_share_does_not() -> None:
+def test_probabilities_tell_of_a_weak_effect_where_its_share_does_not() -> None:
     """Friction of a quarter of the noise: it may remove nothing, yet tests left out are predicted better."""
     found = damper_diagnosis((("dry_friction", (("F_d", damper_rig.NOISE / 4),)),))
     alike = found.shrinkage.of("test")
