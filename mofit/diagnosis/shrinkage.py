@@ -18,6 +18,8 @@ KINDS: tuple[Kind, ...] = ("test", "group", "records")
 _DECIMALS = 4
 #: So many times more probable without an effect is a hold-out that contradicts it: one in as many, where it holds.
 _ODDS = 1000.0
+#: From so many powers of ten on a ratio is told as one.
+_DECADES = 3
 _PLACES = {"test": "tests left out in turn", "group": "whole groups of tests left out", "records": "records held out"}
 
 
@@ -188,18 +190,17 @@ class Shrinkage:
             if self.ran_away
             else ""
         )
-        return " ".join(part for part in (away, self._hidden, self.note) if part)
+        return " ".join(part for part in (away, self._not_told, self.note) if part)
 
     @property
-    def _hidden(self) -> str:
-        """That the noise hides the share, though not that there is one."""
+    def _not_told(self) -> str:
+        """That these tests do not tell the share on new records, though that there is one."""
         alike = self.of("test")
         if self.headline.low > 0 or alike is None or self.refutes:
             return ""
-        times = alike.gain / (2 * np.log(10))
         return (
-            "The noise hides how much it removes: the interval holds 0 %. Weighted by their noise, tests left out in "
-            f"turn are predicted better with it: they are 10^{times:.1f} times as probable."
+            "How much it removes on new records these tests do not tell: the interval holds 0 %. That it helps, they "
+            f"do: tests left out in turn are {_times(alike.gain)} as probable with it."
         )
 
     @property
@@ -219,6 +220,12 @@ def in_percent(share: float) -> str:
     decimals = int(np.clip(-np.floor(np.log10(100 * left)), 1, _DECIMALS)) if left > 0 else 1
     most = 100 - 10.0**-decimals if left > 0 else np.inf
     return f"{min(100 * share, most):.{decimals}f}"
+
+
+def _times(gain: float) -> str:
+    """How many times as probable, from twice the logarithm."""
+    decades = gain / (2 * np.log(10))
+    return f"10^{decades:.0f} times" if decades >= _DECADES else f"{10**decades:.2g} times"
 
 
 def _listed(hold_outs: Sequence[HoldOut]) -> str:

@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import damper_rig
+import pytest
 from damper_rig import damper_diagnosis
 
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.result import summary
-from mofit.diagnosis.shrinkage import HoldOut
+from mofit.diagnosis.shrinkage import HoldOut, Share, Shrinkage
 from mofit.identification.settings import Settings
 from mofit.models import find_model
 from mofit.simulation.virtual_rig import plan as plans
@@ -90,7 +91,11 @@ def test_probabilities_tell_of_a_weak_effect_where_its_share_does_not() -> None:
     found = damper_diagnosis((("dry_friction", (("F_d", damper_rig.NOISE / 4),)),))
     alike = found.shrinkage.of("test")
     assert alike.low < 0 < alike.gain
-    assert (
-        "Weighted by their noise, tests left out in turn are predicted better" in summary(found)["shrinkage"]["caveat"]
-    )
+    assert "That it helps, they do: tests left out in turn are " in summary(found)["shrinkage"]["caveat"]
     assert [one.name for one in found.conclusion.effects] == ["dry_friction"]
+
+
+@pytest.mark.parametrize(("gain", "times"), [(9.0, "90 times"), (35.0, "10^8 times"), (2000.0, "10^434 times")])
+def test_how_much_more_probable_tests_are_is_told_in_plain_numbers(gain, times) -> None:
+    share = Share("test", 0.1, -0.2, 0.5, 0.1, (HoldOut("4Hz", ("4Hz",), 0.1, 0.0, 0.2, gain=gain),))
+    assert f"are {times} as probable with it." in Shrinkage((share,)).caveat
