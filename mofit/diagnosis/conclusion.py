@@ -201,7 +201,7 @@ def conclude(
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
         sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
         certain = [(one.title, one.of_rig) for one in effects if one.name in best.effects and one.name not in doubtful]
-        sentence += contradicted(contradicting)
+        sentence += contradicted(contradicting, len(laws))
         sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))

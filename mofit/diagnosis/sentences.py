@@ -75,11 +75,12 @@ def refuted(titles: Sequence[str], contradicting: Sequence[str]) -> str:
     return f". Tests left out in turn are predicted no better with {near}"
 
 
-def contradicted(contradicting: Sequence[str]) -> str:
-    """That tests left out contradict the law of a main cause; empty if none does."""
+def contradicted(contradicting: Sequence[str], laws: int = 1) -> str:
+    """That tests left out contradict the laws of main causes; empty if none does."""
     if not contradicting:
         return ""
-    return f" Its law does not hold throughout: from the other tests it predicts {' and '.join(contradicting)} worse."
+    whose, they = ("Its law does", "it predicts") if laws == 1 else ("Their laws do", "they predict")
+    return f" {whose} not hold throughout: from the other tests {they} {' and '.join(contradicting)} worse."
 
 
 def unexplained(residuals: Residuals, unit: str) -> str:

@@ -123,6 +123,9 @@ def test_a_contradicted_cause_is_told():
     assert contradicted(["sine_1"]) == (
         " Its law does not hold throughout: from the other tests it predicts sine_1 worse."
     )
+    assert contradicted(["sine_1"], 2) == (
+        " Their laws do not hold throughout: from the other tests they predict sine_1 worse."
+    )
 
 
 def test_a_gap_that_no_effect_comes_near_is_described_by_its_residual_test():
