@@ -189,7 +189,7 @@ def conclude(
         return Conclusion("none", "No gap: the residual is noise.", (), (), (), share, tuple(weights))
     effects = _named_effects(found.models, equal, weights)
     laws = [(one.family, one.title) for one in effects if one.name in best.effects]
-    contradicting = [] if held_out is None else [one.name for one in held_out.contradicting]
+    contradicting = [] if held_out is None else [one.in_words for one in held_out.contradicting]
     if verdict == "unknown":
         titles = [title for _, title in laws]
         if finding.refuted:

@@ -67,6 +67,12 @@ class HoldOut:
     predictions: tuple[HeldOut, ...] = ()
     gain: float = 0.0
 
+    @property
+    def in_words(self) -> str:
+        """The test, or what the tests have in common."""
+        alone = self.tests == (self.name,)
+        return self.name if alone else f"the tests of {self.name} ({', '.join(self.tests)})"
+
 
 @dataclass(frozen=True)
 class Share:
@@ -163,8 +169,11 @@ class Shrinkage:
 
     @property
     def contradicting(self) -> tuple[HoldOut, ...]:
-        """Hold-outs that contradict the effect, see `Share.contradicting`."""
-        return tuple(one for share in self.shares for one in share.contradicting)
+        """Hold-outs that contradict the effect, see `Share.contradicting`; a test that is a group once."""
+        found = dict[tuple[str, ...], HoldOut]()
+        for one in (one for share in self.shares for one in share.contradicting):
+            found.setdefault(one.tests, one)
+        return tuple(found.values())
 
     @property
     def refutes(self) -> bool:
@@ -229,10 +238,7 @@ def _times(gain: float) -> str:
 
 
 def _listed(hold_outs: Sequence[HoldOut]) -> str:
-    return " or ".join(
-        one.name if one.tests == (one.name,) else f"the tests of {one.name} ({', '.join(one.tests)})"
-        for one in hold_outs
-    )
+    return " or ".join(one.in_words for one in hold_outs)
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,15 @@ def test_tests_left_out_that_are_less_probable_contradict_a_cause(held_out, verd
     assert main.verdict(DiagnosisSettings()) == ("effect" if verdict == "effect" else "partly")
 
 
+def test_a_hold_out_that_contradicts_is_told_once():
+    alone = HoldOut("sine_1", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)
+    group = HoldOut("largest amplitude", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)
+    other = HoldOut("highest frequency", ("sine_2", "sine_3"), 0.5, 0.4, 0.6, gain=-50.0)
+    kinds = [Share(kind, 0.5, 0.4, 0.6, 0.5, some) for kind, some in (("test", (alone,)), ("group", (group, other)))]
+    found = [one.in_words for one in Shrinkage(tuple(kinds)).contradicting]
+    assert found == ["sine_1", "the tests of highest frequency (sine_2, sine_3)"]
+
+
 def test_a_contradicted_cause_is_told():
     assert refuted(["payne"], ()) == ". Tests left out in turn are predicted no better with the nearest, payne"
     assert refuted(["payne"], ["sine_1", "sine_2"]) == (
