@@ -113,6 +113,8 @@ def measured_shares(predicted: Mapping[str, FloatArray], truth: Mapping[str, Flo
         squares = {"with": 0.0, "without": 0.0}
         for test in (test for test in truth if test.startswith(kind)):
             clean = truth[test][COUNT // PERIODS :]
+            if np.ptp(clean) == 0:  # a dead band that this record does not leave
+                continue
             for which in squares:
                 error = predicted[f"{which}:{test}"][COUNT // PERIODS :] - clean
                 squares[which] += float(np.mean(error**2) / np.ptp(clean) ** 2)
