@@ -20,7 +20,8 @@ def deviance(fitted: Fitted, tests: Sequence[int], residual: FloatArray, jacobia
     covariance C by the others. Parameters of these tests alone are fitted to them: r and J have no part along theirs.
 
     Where the model holds, another one has a density :math:`1 / \alpha` times as large with probability
-    :math:`\alpha` at most, whatever it is (Markov's inequality of the likelihood ratio).
+    :math:`\alpha` at most (Markov's inequality of the likelihood ratio), for normal noise and outputs that are linear
+    in the parameters within their uncertainty.
 
     Parameters
     ----------

@@ -113,7 +113,7 @@ class Share:
 
     @property
     def contradicting(self) -> tuple[HoldOut, ...]:
-        """Hold-outs that are far more probable without the effect: with a probability of 0.1 % by chance, of all."""
+        """Hold-outs far more probable without the effect; where it holds, there is one with a probability of 0.1 %."""
         limit = 2 * np.log(len(self.hold_outs) * _ODDS) if self.hold_outs else 0.0
         return tuple(one for one in self.hold_outs if one.gain < -limit)
 
