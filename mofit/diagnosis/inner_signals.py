@@ -201,12 +201,14 @@ class InnerSignals:
             for own in groups
         ]
 
-    def responses(self, names: Sequence[str]) -> list[LinearResponse]:
-        """What is added to quantities of these names changes in the outputs, to first order; per test."""
-        linearised, motions = self._linearised(names, [slice(None)] * len(self.used))
+    def responses(self, names: Sequence[str], parameters: Sequence[str] = ()) -> list[LinearResponse]:
+        """What is added to quantities and parameters changes in the outputs, to first order; per test."""
+        linearised, motions = self._linearised(names, [slice(None)] * len(self.used), parameters)
         return [linearised.response(motion) for motion in motions]
 
-    def _linearised(self, names: Sequence[str], samples: Sequence[slice]) -> tuple[Linearised, list[Motion]]:
+    def _linearised(
+        self, names: Sequence[str], samples: Sequence[slice], parameters: Sequence[str] = ()
+    ) -> tuple[Linearised, list[Motion]]:
         """The model with quantities of these names shifted, and its motion at some samples of every test."""
         hypothesis = self.fitted.hypothesis
         shifts = [_Shift(name, k) for k, name in enumerate(names)]
@@ -224,7 +226,7 @@ class InnerSignals:
             )
             for own, experiment, values, picked in zip(self.signals, self.experiments, tests, samples, strict=True)
         ]
-        return Linearised(system, [shift.name for shift in shifts]), motions
+        return Linearised(system, [*(shift.name for shift in shifts), *parameters]), motions
 
     def _ways(self, names: Sequence[str]) -> list[FloatArray]:
         """What one more of each quantity does to rates and outputs at points of the data, (points * signals,) each."""

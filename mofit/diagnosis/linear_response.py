@@ -47,6 +47,8 @@ class LinearResponse:
 
     Parameters
     ----------
+    states
+        Names of the states.
     advance
         From sample to sample, (n - 1, x, x).
     here, there
@@ -57,6 +59,7 @@ class LinearResponse:
         Derivative of the initial state, (x, q).
     """
 
+    states: tuple[str, ...]
     advance: FloatArray
     here: FloatArray
     there: FloatArray
@@ -89,6 +92,7 @@ class Linearised:
     """Derivatives of a system's rates, outputs and initial state by its states and by some of its parameters."""
 
     def __init__(self, system: System, parameters: Sequence[str]) -> None:
+        self.states = tuple(system.states)
         groups = {"x": system.states, "u": system.inputs, "p": system.parameters, "c": system.conditions}
         x, u, p, c = (ca.SX.sym(name, len(group)) for name, group in groups.items())
         by = p[[system.parameters.index(name) for name in parameters]]
@@ -106,7 +110,7 @@ class Linearised:
         start = np.array(self._start(motion.inputs[0], motion.parameters, motion.conditions))
         step, means = motion.step, 0.5 * (rates[:-1] + rates[1:])
         whole, first, second = phi_functions(step * means)
-        return LinearResponse(whole, step * (first - second), step * second, driven, seen, direct, start)
+        return LinearResponse(self.states, whole, step * (first - second), step * second, driven, seen, direct, start)
 
 
 def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray]:

@@ -12,11 +12,48 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import InnerSignals, Target, stacked
-from mofit.diagnosis.linear_response import at_samples, phi_functions
+from mofit.diagnosis.linear_response import LinearResponse, at_samples, phi_functions
 from mofit.diagnosis.terms import Term, block
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What terms stand beside, to first order: whitened rows of the tests (m), then those of prior and box (p).
+
+    Parameters
+    ----------
+    residual
+        What is left without the terms, (m + p,).
+    slopes
+        Derivatives of the simulated rows by the f parameters that are free, (m + p, f).
+    free
+        Which of a fit's parameters these are, (d,).
+    """
+
+    residual: FloatArray
+    slopes: FloatArray
+    free: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, fitted: Fitted) -> Beside:
+        """A fit as it is."""
+        return cls(fitted.residual, -fitted.jacobian[:, fitted.free], fitted.free)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Terms on a quantity are read along a motion; every test responds to that quantity, by its index."""
+
+    target: Target
+    motion: InnerSignals
+    responses: Sequence[LinearResponse]
+    quantity: int
+    beside: Beside
 
 
 @dataclass(frozen=True)
@@ -26,21 +63,26 @@ class Columns:
     target: Target
     terms: tuple[Term, ...]
     rows: FloatArray
+    beside: Beside
 
 
-def term_columns(signals: InnerSignals, targets: Sequence[Target], terms: Sequence[Term]) -> Iterator[Columns]:
+def term_columns(readings: Sequence[Reading], terms: Sequence[Term]) -> Iterator[Columns]:
     """The rows that terms per unit of their coefficients add to the fitted model, on each of some quantities."""
-    observed = signals.fitted.hypothesis.observed
-    with np.errstate(all="ignore"):  # what diverges is no term
-        added = term_signals(signals, terms)
-        responses = signals.responses([target.name for target in targets])
-        for k, target in enumerate(targets):
-            own = [i for i, term in enumerate(terms) if term.acts_on(target)]
-            outputs = [
-                response.of(k, each[:, own])[experiment.lead :]
-                for response, each, experiment in zip(responses, added, signals.experiments, strict=True)
-            ]
-            yield Columns(target, tuple(terms[i] for i in own), observed.whitened(outputs))
+    last, added = None, list[FloatArray]()
+    for one in readings:
+        own = [i for i, term in enumerate(terms) if term.acts_on(one.target)]
+        with np.errstate(all="ignore"):  # what diverges is no term
+            if one.motion is not last:
+                last, added = one.motion, term_signals(one.motion, terms)
+            rows = whitened_response(one, [each[:, own] for each in added])
+        yield Columns(one.target, tuple(terms[i] for i in own), rows, one.beside)
+
+
+def whitened_response(reading: Reading, added: Sequence[FloatArray]) -> FloatArray:
+    """Whitened rows (m, K) of what signals (samples, K) per test do that are added to the quantity."""
+    tests = zip(reading.responses, added, reading.motion.experiments, strict=True)
+    outputs = [response.of(reading.quantity, each)[experiment.lead :] for response, each, experiment in tests]
+    return reading.motion.fitted.hypothesis.observed.whitened(outputs)
 
 
 def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArray]:

@@ -11,9 +11,10 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
-from mofit.diagnosis.inner_signals import InnerSignals, Target, Variable, inner_signals
+from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.refit import is_reliable
-from mofit.diagnosis.term_rows import term_columns
+from mofit.diagnosis.smoothed_motion import readings_without, smoothed_readings
+from mofit.diagnosis.term_rows import Reading, term_columns
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
 from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.errors import InputError
@@ -25,11 +26,13 @@ _PREDICTING, _FITTING, _MOST_FITS = 2, 1, 5
 _QUANTITIES = 3
 #: Most numbers in the rows of all terms for memory times other signals to be tried: 24 MB.
 _NUMBERS = 3e6
+#: Most rounds: a few lead to a term, and one or two add others.
+_ROUNDS = 8
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """Terms fitted jointly with the parameters, and the squares left of every fold that was left out."""
 
@@ -60,49 +63,65 @@ class Trial:
 
 
 def searched(start: Fitted, least: float) -> Trial:
-    """Terms added while they predict better what they were not fitted to, each round around the last joint fit.
+    """Terms that predict what they were not fitted to, each round along the motion of the last joint fit.
 
-    A term must remove at least ``least`` squares; what a later one makes superfluous goes again.
+    Further ones, as long as they predict better, or others instead, as the motion comes nearer to the records. A term
+    must remove at least ``least`` squares; what a later one makes superfluous goes again.
     """
-    best = Trial(start, None, prediction_errors(start))
-    signals = inner_signals(start)
-    targets, variables = signals.targets(), signals.variables()
-    targets = _likely(best, signals, targets, variables, least)
-    while best.terms < MOST_TERMS:
-        columns = term_columns(signals, targets, _terms(best, variables))
-        promising = _promising([selections(best.fitted, own, least, MOST_TERMS - best.terms) for own in columns])
-        # of equals the first counts: the first quantity, and the shortest text
-        promising.sort(key=lambda one: (targets.index(one.target), sum(term.form.length for term in one.terms)))
-        present = best.placed
-        tried = [
-            _fitted(start, best.fitted, one.target, [*present, *zip(one.terms, one.sizes, strict=True)], one.shift)
-            for one in promising
-        ]
-        chosen = simplest([best, *(one for one in tried if one is not None)], least)
+    best, own = Trial(start, None, prediction_errors(start)), inner_signals(start)
+    variables = own.variables()
+    readings = _likely(start, smoothed_readings(own, own.targets()), variables, least)
+    targets = [one.target for one in readings]
+    others, further = _tried(start, best, readings, [], variables, least), list[Trial]()
+    for _ in range(_ROUNDS):
+        chosen = simplest([best, *others, *further], least)
         if chosen is best or chosen.effect is None:
             break
-        best, targets, signals = chosen, [chosen.effect.target], inner_signals(chosen.fitted)
+        again, best, own = chosen in others, chosen, inner_signals(chosen.fitted)
+        (smoothed,) = smoothed_readings(own, [chosen.effect.target])
+        without = readings_without(own, smoothed, best.placed, targets) if again else []
+        others = _tried(start, best, without, [], variables, least)
+        further = _tried(start, best, [smoothed], best.placed, variables, least) if best.terms < MOST_TERMS else []
     return _pruned(start, best, least)
 
 
-def _likely(
-    best: Trial, signals: InnerSignals, targets: Sequence[Target], variables: Sequence[Variable], least: float
-) -> list[Target]:
+def _tried(
+    start: Fitted,
+    best: Trial,
+    readings: Sequence[Reading],
+    present: Sequence[tuple[Term, float]],
+    variables: Sequence[Variable],
+    least: float,
+) -> list[Trial]:
+    """Promising terms fitted jointly with those that are present, from the parameters of the best trial so far."""
+    observed, most = start.hypothesis.observed, MOST_TERMS - len(present)
+    columns = term_columns(readings, _terms(best, variables))
+    promising = _promising([selections(observed, own, least, most) for own in columns])
+    # of equals the first counts: the first quantity, and the shortest text
+    order = [one.target for one in readings]
+    promising.sort(key=lambda one: (order.index(one.target), sum(term.form.length for term in one.terms)))
+    here, tried = best.fitted.minimum.point, []
+    for one in promising:
+        moved = here.copy()
+        moved[one.free] += one.shift
+        tried.append(_fitted(start, [moved, here], one.target, [*present, *zip(one.terms, one.sizes, strict=True)]))
+    return [one for one in tried if one is not None]
+
+
+def _likely(start: Fitted, readings: Sequence[Reading], variables: Sequence[Variable], least: float) -> list[Reading]:
     """The quantities on which a term without memory predicts best, in their order: those with memory are dear."""
-    if len(targets) <= _QUANTITIES:
-        return list(targets)
-    columns = term_columns(signals, targets, static_terms(variables))
-    errors = [min((one.error for one in selections(best.fitted, own, least, 1)), default=np.inf) for own in columns]
-    return [targets[k] for k in sorted(np.argsort(errors, kind="stable")[:_QUANTITIES])]
+    if len(readings) <= _QUANTITIES:
+        return list(readings)
+    columns, observed = term_columns(readings, static_terms(variables)), start.hypothesis.observed
+    errors = [min((one.error for one in selections(observed, own, least, 1)), default=np.inf) for own in columns]
+    return [readings[k] for k in sorted(np.argsort(errors, kind="stable")[:_QUANTITIES])]
 
 
 def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
     """Without the terms that it does not need."""
     while best.effect is not None and best.terms > 1:
-        every, none = best.placed, np.zeros(int(best.fitted.free.sum()))
-        fewer = [
-            _fitted(start, best.fitted, best.effect.target, every[:k] + every[k + 1 :], none) for k in range(len(every))
-        ]
+        every, here, target = best.placed, [best.fitted.minimum.point], best.effect.target
+        fewer = [_fitted(start, here, target, every[:k] + every[k + 1 :]) for k in range(len(every))]
         chosen = simplest([best, *(one for one in fewer if one is not None)], least)
         if chosen is best:
             break
@@ -147,22 +166,17 @@ def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
 
 
 def _fitted(
-    start: Fitted, near: Fitted, target: Target, terms: Sequence[tuple[Term, float]], shift: FloatArray
+    start: Fitted, points: Sequence[FloatArray], target: Target, terms: Sequence[tuple[Term, float]]
 ) -> Trial | None:
-    """Terms with their coefficients, fitted jointly with all parameters; None where that fails.
-
-    From the parameters of a fit ``near``, without and with a ``shift`` of its free ones.
-    """
+    """Terms with their coefficients, fitted jointly with all parameters from some points; None where that fails."""
     old, count = start.hypothesis, len(start.minimum.point)
     taken = {*old.layout.names, *(one.name for one in old.effects)}
     effect = proposed(target, [term for term, _ in terms], [size for _, size in terms], taken)
     own = _discrepancy(effect, len(old.observed.problem.space))
     model = hypothesis(old.observed, (*old.discrepancies, own))
-    moved = near.minimum.point.copy()
-    moved[near.free] += shift
     fresh = model.space.subset([p.name for p in effect.parameters])
     values = fresh.to_unit([p.nominal for p in effect.parameters])
-    starts = [np.concatenate([np.clip(one[:count], 0.0, 1.0), values]) for one in (moved, near.minimum.point)]
+    starts = [np.concatenate([np.clip(one[:count], 0.0, 1.0), values]) for one in points]
     try:
         found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
     except InputError:

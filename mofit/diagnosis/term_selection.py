@@ -9,12 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.integration import stable
-from mofit.diagnosis.term_rows import Columns
+from mofit.diagnosis.term_rows import Beside, Columns
 from mofit.diagnosis.terms import Term
 from mofit.diagnosis.whitened_data import WhitenedData
 
@@ -30,7 +31,7 @@ _LEAST_LEFT = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms for a quantity with their coefficients, and by how much they shift the model's free parameters.
+    """Terms for a quantity with their coefficients, and by how much they shift the parameters that are ``free``.
 
     ``error`` are the squares that a selection on other folds leaves of a fold, over all of them; ``left`` those that a
     fit to all leaves.
@@ -40,23 +41,23 @@ class Selection:
     terms: tuple[Term, ...]
     sizes: FloatArray
     shift: FloatArray
+    free: NDArray[np.bool_]
     error: float
     left: float
 
 
-def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
+def selections(observed: WhitenedData, columns: Columns, least: float, most: int = MOST_TERMS) -> list[Selection]:
     """Sets of terms by how well they predict folds which they were not fitted to.
 
     The one that forward selection leads to, as few terms as predict within one standard error of the best number, or
     within ``least`` squares; and every form alone, at the best of its shapes. The best first.
     """
-    observed = fitted.hypothesis.observed
-    rows = len(observed.measured)
+    beside, rows = columns.beside, len(observed.measured)
     usable = [k for k in range(len(columns.terms)) if stable(columns.rows[:, k]) and np.any(columns.rows[:, k])]
     size = np.linalg.norm(columns.rows[:, usable], axis=0)
-    own = [-fitted.jacobian[:rows, fitted.free], columns.rows[:, usable] / size, fitted.residual[:rows, None]]
+    own = [beside.slopes[:rows], columns.rows[:, usable] / size, beside.residual[:rows, None]]
     grams, total = fold_products(observed, np.concatenate(own, axis=1))
-    total, free = total + _prior(fitted, len(total)), int(fitted.free.sum())
+    total, free = total + _prior(observed, beside, len(total)), int(beside.free.sum())
     paths = [_path(total - gram, gram, free, most) for gram in grams]
     errors = np.array([[step.error for step in path] for path in paths]).T
     number = fewest(errors, least)
@@ -68,6 +69,7 @@ def selections(fitted: Fitted, columns: Columns, least: float, most: int = MOST_
             tuple(columns.terms[usable[k]] for k in step.chosen),
             np.array([step.solution[free + k] / size[k] for k in step.chosen]),
             step.solution[:free],
+            beside.free,
             error,
             step.error,
         )
@@ -88,10 +90,10 @@ def prediction_errors(fitted: Fitted) -> FloatArray:
     Gauss-Newton step from the fit to all, which is pessimistic for a fold that holds most of what there is to learn.
     Efron, "Estimating the error rate of a prediction rule", 1983.
     """
-    rows = len(fitted.hypothesis.observed.measured)
-    columns = np.column_stack([-fitted.jacobian[:rows, fitted.free], fitted.residual[:rows]])
-    grams, total = fold_products(fitted.hypothesis.observed, columns)
-    total = total + _prior(fitted, len(total))
+    observed, beside = fitted.hypothesis.observed, Beside.of(fitted)
+    rows = len(observed.measured)
+    grams, total = fold_products(observed, np.column_stack([beside.slopes[:rows], beside.residual[:rows]]))
+    total = total + _prior(observed, beside, len(total))
     free = int(fitted.free.sum())
     without = np.array([_path(total - gram, gram, free, 0)[0].error for gram in grams])
     return _EFRON * without + (1 - _EFRON) * grams[:, -1, -1]
@@ -211,14 +213,13 @@ def noise_of_folds(observed: WhitenedData) -> FloatArray:
     return found if tests > 1 else np.full(_BLOCKS, found[0] / (_BLOCKS + 1))
 
 
-def _prior(fitted: Fitted, size: int) -> FloatArray:
+def _prior(observed: WhitenedData, beside: Beside, size: int) -> FloatArray:
     """Products of the rows of prior and box of the free parameters, in the metric of `fold_products`."""
-    observed = fitted.hypothesis.observed
     rows = len(observed.measured)
-    jacobian = -fitted.jacobian[rows:, fitted.free]
-    below = np.column_stack([jacobian, np.zeros((len(jacobian), size - 1 - jacobian.shape[1])), fitted.residual[rows:]])
+    slopes, residual = beside.slopes[rows:], beside.residual[rows:]
+    below = np.column_stack([slopes, np.zeros((len(slopes), size - 1 - slopes.shape[1])), residual])
     found = below.T @ below
-    place = np.arange(jacobian.shape[1])
+    place = np.arange(slopes.shape[1])
     found[place, place] += 1.0
     # a whitened row has variance 1, one of the metric has this
     kept = observed.explainable
