@@ -116,12 +116,19 @@ class Linearised:
 def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray]:
     """Values (n, rows, columns) of a function of vectors; an argument is (n, size), or (size,) where it is constant."""
     count = len(arguments[0])
-    found = function.map(count).call([ca.DM(np.broadcast_to(one, (count, one.shape[-1])).T) for one in arguments])
-    shapes = [function.size_out(k) for k in range(function.n_out())]
-    return [
-        np.array(value).reshape(rows, count, columns).transpose(1, 0, 2)
-        for value, (rows, columns) in zip(found, shapes, strict=True)
-    ]
+    names = [f"i{k}" for k in range(len(arguments))]
+    symbols = [ca.SX.sym(name, *function.size_in(k)) for k, name in enumerate(names)]
+    dense = ca.Function("dense", symbols, [ca.densify(one) for one in function.call(symbols)])
+    # through buffers: CasADi's own matrices are converted element by element
+    buffer, evaluate = dense.map(count).buffer()
+    given = [np.ascontiguousarray(np.broadcast_to(one, (count, one.shape[-1])), dtype=float) for one in arguments]
+    found = [np.zeros((count, *reversed(function.size_out(k)))) for k in range(function.n_out())]
+    for k, one in enumerate(given):
+        buffer.set_arg(k, one.data)  # type: ignore[call-arg]  # the stub asks for a size
+    for k, one in enumerate(found):
+        buffer.set_res(k, one.data)  # type: ignore[call-arg]
+    evaluate()
+    return [one.transpose(0, 2, 1) for one in found]
 
 
 def phi_functions(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -23,6 +23,12 @@ from mofit.diagnosis.terms import Term
 _STEPS = np.geomspace(1e-5, 1.0, 6)
 
 
+def fitted_readings(signals: InnerSignals, targets: Sequence[Target]) -> list[Reading]:
+    """Of each of some quantities the motion of a fitted model as it is."""
+    responses = signals.responses([target.name for target in targets])
+    return [Reading(target, signals, responses, k, Beside.of(signals.fitted)) for k, target in enumerate(targets)]
+
+
 def smoothed_readings(signals: InnerSignals, targets: Sequence[Target]) -> list[Reading]:
     """Of each of some quantities the motion of a fitted model, smoothed for whatever is missing there.
 

@@ -13,7 +13,7 @@ from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.refit import is_reliable
-from mofit.diagnosis.smoothed_motion import readings_without, smoothed_readings
+from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
 from mofit.diagnosis.term_rows import Reading, term_columns
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
 from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
@@ -70,18 +70,22 @@ def searched(start: Fitted, least: float) -> Trial:
     """
     best, own = Trial(start, None, prediction_errors(start)), inner_signals(start)
     variables = own.variables()
-    readings = _likely(start, smoothed_readings(own, own.targets()), variables, least)
-    targets = [one.target for one in readings]
-    others, further = _tried(start, best, readings, [], variables, least), list[Trial]()
+    # where the records tell little of a state, the fitted motion is the better guess
+    fitted, smoothed = (read(own, own.targets()) for read in (fitted_readings, smoothed_readings))
+    targets = _likely(start, fitted, smoothed, variables, least)
+    others, further = list[Trial](), list[Trial]()
+    for readings in (fitted, [one for one in smoothed if one.motion is not own]):
+        likely = [one for one in readings if one.target in targets]
+        others += _tried(start, best, likely, [], variables, least)
     for _ in range(_ROUNDS):
         chosen = simplest([best, *others, *further], least)
         if chosen is best or chosen.effect is None:
             break
         again, best, own = chosen in others, chosen, inner_signals(chosen.fitted)
-        (smoothed,) = smoothed_readings(own, [chosen.effect.target])
-        without = readings_without(own, smoothed, best.placed, targets) if again else []
+        (moved,) = smoothed_readings(own, [chosen.effect.target])
+        without = readings_without(own, moved, best.placed, targets) if again else []
         others = _tried(start, best, without, [], variables, least)
-        further = _tried(start, best, [smoothed], best.placed, variables, least) if best.terms < MOST_TERMS else []
+        further = _tried(start, best, [moved], best.placed, variables, least) if best.terms < MOST_TERMS else []
     return _pruned(start, best, least)
 
 
@@ -108,13 +112,21 @@ def _tried(
     return [one for one in tried if one is not None]
 
 
-def _likely(start: Fitted, readings: Sequence[Reading], variables: Sequence[Variable], least: float) -> list[Reading]:
+def _likely(
+    start: Fitted,
+    fitted: Sequence[Reading],
+    smoothed: Sequence[Reading],
+    variables: Sequence[Variable],
+    least: float,
+) -> list[Target]:
     """The quantities on which a term without memory predicts best, in their order: those with memory are dear."""
-    if len(readings) <= _QUANTITIES:
-        return list(readings)
-    columns, observed = term_columns(readings, static_terms(variables)), start.hypothesis.observed
+    targets = [one.target for one in fitted]
+    if len(targets) <= _QUANTITIES:
+        return targets
+    columns, observed = term_columns([*fitted, *smoothed], static_terms(variables)), start.hypothesis.observed
     errors = [min((one.error for one in selections(observed, own, least, 1)), default=np.inf) for own in columns]
-    return [readings[k] for k in sorted(np.argsort(errors, kind="stable")[:_QUANTITIES])]
+    best = np.argsort(np.min(np.reshape(errors, (2, -1)), axis=0), kind="stable")[:_QUANTITIES]
+    return [targets[k] for k in sorted(best)]
 
 
 def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
