@@ -50,7 +50,8 @@ class _Sent:
         return Discrepancy(own, self.point, self.around, self.shift, self.sensitivity)
 
 
-def _processes(fitted: Fitted) -> int:
+def processes(fitted: Fitted) -> int:
+    """So many may compute candidates, refits or terms for a fitted model."""
     observed = fitted.hypothesis.observed
     if observed.problem.evaluations is not None:  # a forked process would count its simulations for itself
         return 1
@@ -67,7 +68,7 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
     def tell(number: int) -> None:
         progress("score test", number, len(effects), effects[number].name)
 
-    found = forked_map(sent, effects, _processes(fitted), tell=tell)
+    found = forked_map(sent, effects, processes(fitted), tell=tell)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
@@ -91,7 +92,7 @@ def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress:
         progress("refit", number, len(added), " + ".join([*present, added[number].name]))
 
     models = list[Fitted | str]()
-    for one, found in zip(added, forked_map(sent, added, _processes(fitted), tell=tell), strict=True):
+    for one, found in zip(added, forked_map(sent, added, processes(fitted), tell=tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue

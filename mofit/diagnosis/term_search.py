@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.beside import processes
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.hypothesis import hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.refit import is_reliable
 from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
@@ -18,6 +19,8 @@ from mofit.diagnosis.term_rows import Reading, term_columns
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
 from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.errors import InputError
+from mofit.optimize import Minimum
+from mofit.runtime.parallel import forked_map
 
 #: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
 #: best, as a strong term bends its own direction; and most of all.
@@ -98,18 +101,29 @@ def _tried(
     least: float,
 ) -> list[Trial]:
     """Promising terms fitted jointly with those that are present, from the parameters of the best trial so far."""
-    observed, most = start.hypothesis.observed, MOST_TERMS - len(present)
-    columns = term_columns(readings, _terms(best, variables))
-    promising = _promising([selections(observed, own, least, most) for own in columns])
+    terms = _terms(best, variables)
+    promising = _promising(_selected(start, readings, terms, least, MOST_TERMS - len(present)))
     # of equals the first counts: the first quantity, and the shortest text
     order = [one.target for one in readings]
     promising.sort(key=lambda one: (order.index(one.target), sum(term.form.length for term in one.terms)))
-    here, tried = best.fitted.minimum.point, []
+    here, wanted = best.fitted.minimum.point, []
     for one in promising:
         moved = here.copy()
         moved[one.free] += one.shift
-        tried.append(_fitted(start, [moved, here], one.target, [*present, *zip(one.terms, one.sizes, strict=True)]))
-    return [one for one in tried if one is not None]
+        wanted.append(_Joint(one.target, (*present, *zip(one.terms, one.sizes, strict=True)), (moved, here)))
+    return _fitted(start, wanted)
+
+
+def _selected(
+    start: Fitted, readings: Sequence[Reading], terms: Sequence[Term], least: float, most: int
+) -> list[list[Selection]]:
+    """Of every reading the sets of terms that predict, several readings at a time."""
+
+    def selected(reading: Reading) -> list[Selection]:
+        (columns,) = term_columns([reading], terms)
+        return selections(start.hypothesis.observed, columns, least, most)
+
+    return forked_map(selected, readings, processes(start))
 
 
 def _likely(
@@ -123,8 +137,8 @@ def _likely(
     targets = [one.target for one in fitted]
     if len(targets) <= _QUANTITIES:
         return targets
-    columns, observed = term_columns([*fitted, *smoothed], static_terms(variables)), start.hypothesis.observed
-    errors = [min((one.error for one in selections(observed, own, least, 1)), default=np.inf) for own in columns]
+    selected = _selected(start, [*fitted, *smoothed], static_terms(variables), least, 1)
+    errors = [min((one.error for one in own), default=np.inf) for own in selected]
     best = np.argsort(np.min(np.reshape(errors, (2, -1)), axis=0), kind="stable")[:_QUANTITIES]
     return [targets[k] for k in sorted(best)]
 
@@ -132,9 +146,9 @@ def _likely(
 def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
     """Without the terms that it does not need."""
     while best.effect is not None and best.terms > 1:
-        every, here, target = best.placed, [best.fitted.minimum.point], best.effect.target
-        fewer = [_fitted(start, here, target, every[:k] + every[k + 1 :]) for k in range(len(every))]
-        chosen = simplest([best, *(one for one in fewer if one is not None)], least)
+        every, here = best.placed, (best.fitted.minimum.point,)
+        fewer = [_Joint(best.effect.target, (*every[:k], *every[k + 1 :]), here) for k in range(len(every))]
+        chosen = simplest([best, *_fitted(start, fewer)], least)
         if chosen is best:
             break
         best = chosen
@@ -177,28 +191,51 @@ def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
     return sorted(few, key=lambda one: one.error)[:_MOST_FITS]
 
 
-def _fitted(
-    start: Fitted, points: Sequence[FloatArray], target: Target, terms: Sequence[tuple[Term, float]]
-) -> Trial | None:
-    """Terms with their coefficients, fitted jointly with all parameters from some points; None where that fails."""
-    old, count = start.hypothesis, len(start.minimum.point)
-    taken = {*old.layout.names, *(one.name for one in old.effects)}
-    effect = proposed(target, [term for term, _ in terms], [size for _, size in terms], taken)
-    own = _discrepancy(effect, len(old.observed.problem.space))
-    model = hypothesis(old.observed, (*old.discrepancies, own))
-    fresh = model.space.subset([p.name for p in effect.parameters])
-    values = fresh.to_unit([p.nominal for p in effect.parameters])
-    starts = [np.concatenate([np.clip(one[:count], 0.0, 1.0), values]) for one in points]
-    try:
-        found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
-    except InputError:
-        return None
-    # a shape at the end of its range is another form
-    shapes = [found.hypothesis.space.index(one.shape) for one in effect.terms if one.shape]
-    if np.any(found.minimum.at_bound[shapes]) or not is_reliable(found):
-        return None
-    trial = Trial(found, effect, prediction_errors(found))
-    return trial if np.isfinite(trial.error) else None
+@dataclass(frozen=True)
+class _Joint:
+    """Terms on a quantity with their coefficients, and points to fit them from jointly with all parameters."""
+
+    target: Target
+    terms: tuple[tuple[Term, float], ...]
+    points: tuple[FloatArray, ...]
+
+    def beside(self, start: Fitted) -> tuple[TermEffect, Hypothesis]:
+        """The terms as an effect, and the model with it."""
+        old = start.hypothesis
+        taken = {*old.layout.names, *(one.name for one in old.effects)}
+        effect = proposed(self.target, [term for term, _ in self.terms], [size for _, size in self.terms], taken)
+        own = _discrepancy(effect, len(old.observed.problem.space))
+        return effect, hypothesis(old.observed, (*old.discrepancies, own))
+
+
+def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
+    """Joint fits, several at a time; without those that fail."""
+
+    def sent(one: _Joint) -> tuple[int, Minimum, FloatArray, FloatArray, FloatArray] | None:
+        effect, model = one.beside(start)
+        fresh = model.space.subset([p.name for p in effect.parameters])
+        values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
+        starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
+        try:
+            found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
+        except InputError:
+            return None
+        # a shape at the end of its range is another form
+        shapes = [found.hypothesis.space.index(placed.shape) for placed in effect.terms if placed.shape]
+        if np.any(found.minimum.at_bound[shapes]) or not is_reliable(found):
+            return None
+        errors = prediction_errors(found)
+        if not np.isfinite(errors.sum()):
+            return None
+        return found.hypothesis.steps, found.minimum, found.residual, found.jacobian, errors
+
+    trials = []
+    for one, found in zip(wanted, forked_map(sent, wanted, processes(start)), strict=True):
+        if found is not None:
+            effect, model = one.beside(start)
+            steps, minimum, residual, jacobian, errors = found
+            trials.append(Trial(Fitted(model.with_steps(steps), minimum, residual, jacobian), effect, errors))
+    return trials
 
 
 def _discrepancy(effect: TermEffect, free: int) -> Discrepancy:
