@@ -212,13 +212,13 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
     """Joint fits, several at a time; without those that fail."""
 
     def sent(one: _Joint) -> tuple[int, Minimum, FloatArray, FloatArray, FloatArray] | None:
-        effect, model = one.beside(start)
-        fresh = model.space.subset([p.name for p in effect.parameters])
-        values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
-        starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
         try:
+            effect, model = one.beside(start)
+            fresh = model.space.subset([p.name for p in effect.parameters])
+            values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
+            starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
             found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
-        except InputError:
+        except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
             return None
         # a shape at the end of its range is another form
         shapes = [found.hypothesis.space.index(placed.shape) for placed in effect.terms if placed.shape]
