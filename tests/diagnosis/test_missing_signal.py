@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -85,6 +87,7 @@ def force_of_stops(x: float, v: float) -> float:
     return float(STOP * beyond(np.array(x), AT))
 
 
+@cache
 def fitted_oscillator() -> Fitted:
     return baseline_in_wide_ranges(find_model("oscillator"), oscillator(force_of_stops), Settings(jobs=1))[0]
 
@@ -111,6 +114,7 @@ def test_the_smoothed_motion_comes_near_that_of_the_rig_in_states_that_nothing_m
         assert before < 0.1 or after < 0.1 * before  # the smallest stroke does not reach the stops
 
 
+@pytest.mark.slow
 def test_strong_stops_are_found_where_they_stand() -> None:
     found = propose(fitted_oscillator(), None, DiagnosisSettings(), 0, silent)
     assert isinstance(found, Proposal), found
