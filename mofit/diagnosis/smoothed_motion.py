@@ -16,7 +16,7 @@ from mofit.diagnosis.inner_signals import InnerSignals, Target, stacked
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.linear_response import LinearResponse
 from mofit.diagnosis.missing_signal import MissingSignal
-from mofit.diagnosis.term_rows import Beside, Reading, term_signals, whitened_response
+from mofit.diagnosis.term_rows import Linearisation, Reading, term_signals, whitened_response
 from mofit.diagnosis.terms import Term
 
 #: Steps of the walk per sample that are tried, relative to the largest magnitude of the quantity.
@@ -26,28 +26,30 @@ _STEPS = np.geomspace(1e-5, 1.0, 6)
 def fitted_readings(signals: InnerSignals, targets: Sequence[Target]) -> list[Reading]:
     """Of each of some quantities the motion of a fitted model as it is."""
     responses = signals.responses([target.name for target in targets])
-    return [Reading(target, signals, responses, k, Beside.of(signals.fitted)) for k, target in enumerate(targets)]
+    return [
+        Reading(target, signals, responses, k, Linearisation.of(signals.fitted)) for k, target in enumerate(targets)
+    ]
 
 
-def smoothed_readings(signals: InnerSignals, targets: Sequence[Target]) -> list[Reading]:
-    """Of each of some quantities the motion of a fitted model, smoothed for whatever is missing there.
+def smoothed_readings(fitted: Sequence[Reading]) -> list[Reading]:
+    """Of each of some quantities the fitted motion, the same for all, smoothed for whatever is missing there.
 
     As it is where what is added moves no state.
     """
-    with np.errstate(all="ignore"):  # what diverges tells nothing
-        responses = signals.responses([target.name for target in targets])
-        moving = [k for k in range(len(targets)) if _moves(responses, k)]
-        scales = np.array([targets[k].scale for k in moving])
+    if not fitted:
+        return []
+    signals, responses = fitted[0].motion, fitted[0].responses
+    with np.errstate(all="ignore"):
+        moving = [k for k in range(len(fitted)) if _moves(responses, k)]
+        scales = np.array([fitted[k].target.scale for k in moving])
         missing = list(_missing(signals, responses, moving, scales)) if moving else []
         steps = _STEPS[np.argmax(sum(one.log_likelihoods(_STEPS) for one in missing), axis=1)] if moving else scales
         shifts = [one.smoothed(steps) for one in missing]
-    found = []
-    for k, target in enumerate(targets):
-        motion = signals
-        if k in moving:
-            pairs = zip(signals.signals, [shift[:, moving.index(k)] for shift in shifts], responses, strict=True)
-            motion = replace(signals, signals=tuple(_moved(old, shift, one.states) for old, shift, one in pairs))
-        found.append(Reading(target, motion, responses, k, _beside(signals, motion)))
+    found = list(fitted)
+    for place, k in enumerate(moving):
+        pairs = zip(signals.signals, [shift[:, place] for shift in shifts], responses, strict=True)
+        motion = replace(signals, signals=tuple(_moved(old, shift, one.states) for old, shift, one in pairs))
+        found[k] = replace(fitted[k], motion=motion, beside=_beside(signals, motion))
     return found
 
 
@@ -68,7 +70,7 @@ def readings_without(
         residual[: len(model.observed.measured)] += whitened_response(smoothed, added)[:, 0]
         responses = own.responses([target.name for target in targets])
     kept = np.arange(len(beside.free)) < len(beside.free) - len(model.effects[-1].parameters)
-    without = Beside(residual, beside.slopes[:, kept[beside.free]], beside.free & kept)
+    without = Linearisation(residual, beside.slopes[:, kept[beside.free]], beside.free & kept)
     return [Reading(target, motion, responses, k, without) for k, target in enumerate(targets)]
 
 
@@ -81,11 +83,9 @@ def _moved(signals: Mapping[str, FloatArray], shift: FloatArray, states: Sequenc
     return {**signals, **{name: signals[name] + shift[:, j] for j, name in enumerate(states)}}
 
 
-def _beside(fitted: InnerSignals, smoothed: InnerSignals) -> Beside:
+def _beside(fitted: InnerSignals, smoothed: InnerSignals) -> Linearisation:
     """The fit with its derivatives by the free parameters along the smoothed motion."""
-    found = Beside.of(fitted.fitted)
-    if smoothed is fitted:
-        return found
+    found = Linearisation.of(fitted.fitted)
     model, outputs = fitted.fitted.hypothesis, []
     names = model.layout.parameters.names
     with np.errstate(all="ignore"):

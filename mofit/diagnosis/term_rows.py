@@ -22,7 +22,7 @@ from mofit.diagnosis.terms import Term, block
 
 
 @dataclass(frozen=True)
-class Beside:
+class Linearisation:
     """What terms stand beside, to first order: whitened rows of the tests (m), then those of prior and box (p).
 
     Parameters
@@ -40,7 +40,7 @@ class Beside:
     free: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, fitted: Fitted) -> Beside:
+    def of(cls, fitted: Fitted) -> Linearisation:
         """A fit as it is."""
         return cls(fitted.residual, -fitted.jacobian[:, fitted.free], fitted.free)
 
@@ -53,7 +53,7 @@ class Reading:
     motion: InnerSignals
     responses: Sequence[LinearResponse]
     quantity: int
-    beside: Beside
+    beside: Linearisation
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Columns:
     target: Target
     terms: tuple[Term, ...]
     rows: FloatArray
-    beside: Beside
+    beside: Linearisation
 
 
 def term_columns(readings: Sequence[Reading], terms: Sequence[Term]) -> Iterator[Columns]:

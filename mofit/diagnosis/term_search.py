@@ -74,7 +74,8 @@ def searched(start: Fitted, least: float) -> Trial:
     best, own = Trial(start, None, prediction_errors(start)), inner_signals(start)
     variables = own.variables()
     # where the records tell little of a state, the fitted motion is the better guess
-    fitted, smoothed = (read(own, own.targets()) for read in (fitted_readings, smoothed_readings))
+    fitted = fitted_readings(own, own.targets())
+    smoothed = smoothed_readings(fitted)
     targets = _likely(start, fitted, smoothed, variables, least)
     others, further = list[Trial](), list[Trial]()
     for readings in (fitted, [one for one in smoothed if one.motion is not own]):
@@ -85,7 +86,7 @@ def searched(start: Fitted, least: float) -> Trial:
         if chosen is best or chosen.effect is None:
             break
         again, best, own = chosen in others, chosen, inner_signals(chosen.fitted)
-        (moved,) = smoothed_readings(own, [chosen.effect.target])
+        (moved,) = smoothed_readings(fitted_readings(own, [chosen.effect.target]))
         without = readings_without(own, moved, best.placed, targets) if again else []
         others = _tried(start, best, without, [], variables, least)
         further = _tried(start, best, [moved], best.placed, variables, least) if best.terms < MOST_TERMS else []

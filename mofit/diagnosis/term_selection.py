@@ -15,7 +15,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.integration import stable
-from mofit.diagnosis.term_rows import Beside, Columns
+from mofit.diagnosis.term_rows import Columns, Linearisation
 from mofit.diagnosis.terms import Term
 from mofit.diagnosis.whitened_data import WhitenedData
 
@@ -90,7 +90,7 @@ def prediction_errors(fitted: Fitted) -> FloatArray:
     Gauss-Newton step from the fit to all, which is pessimistic for a fold that holds most of what there is to learn.
     Efron, "Estimating the error rate of a prediction rule", 1983.
     """
-    observed, beside = fitted.hypothesis.observed, Beside.of(fitted)
+    observed, beside = fitted.hypothesis.observed, Linearisation.of(fitted)
     rows = len(observed.measured)
     grams, total = fold_products(observed, np.column_stack([beside.slopes[:rows], beside.residual[:rows]]))
     total = total + _prior(observed, beside, len(total))
@@ -213,7 +213,7 @@ def noise_of_folds(observed: WhitenedData) -> FloatArray:
     return found if tests > 1 else np.full(_BLOCKS, found[0] / (_BLOCKS + 1))
 
 
-def _prior(observed: WhitenedData, beside: Beside, size: int) -> FloatArray:
+def _prior(observed: WhitenedData, beside: Linearisation, size: int) -> FloatArray:
     """Products of the rows of prior and box of the free parameters, in the metric of `fold_products`."""
     rows = len(observed.measured)
     slopes, residual = beside.slopes[rows:], beside.residual[rows:]

@@ -13,7 +13,7 @@ from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.inner_signals import inner_signals
 from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_functions
-from mofit.diagnosis.term_rows import Beside, Reading, term_columns
+from mofit.diagnosis.term_rows import Linearisation, Reading, term_columns
 from mofit.diagnosis.terms import block, memory_terms, static_terms
 from mofit.identification.settings import Settings
 from mofit.models import Channel, Equations, Model, Symbols, build_system, find_effect, find_model, with_effects
@@ -79,7 +79,7 @@ def test_rows_of_terms_are_those_of_the_integrated_effects() -> None:
     signals = inner_signals(baseline)
     variables, (target, *_) = signals.variables(), signals.targets()
     terms = [*static_terms(variables)[::9], *memory_terms(variables, 0.1, 1.0)[3][:4]]
-    reading = Reading(target, signals, signals.responses([target.name]), 0, Beside.of(baseline))
+    reading = Reading(target, signals, signals.responses([target.name]), 0, Linearisation.of(baseline))
     (found,) = term_columns([reading], terms)
     integrated = prepare(baseline, block(target, terms)).sensitivities[0][: len(found.rows)]
     error = np.linalg.norm(found.rows - integrated, axis=0) / np.linalg.norm(integrated, axis=0)

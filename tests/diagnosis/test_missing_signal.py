@@ -17,7 +17,7 @@ from mofit.diagnosis.linear_response import LinearResponse
 from mofit.diagnosis.missing_signal import MissingSignal
 from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.smoothed_motion import readings_without, smoothed_readings
+from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
 from mofit.diagnosis.term_rows import term_columns
 from mofit.diagnosis.term_selection import selections
 from mofit.diagnosis.terms import static_terms
@@ -105,7 +105,7 @@ def velocity(amplitude: float, frequency: float, periods: int) -> np.ndarray:
 def test_the_smoothed_motion_comes_near_that_of_the_rig_in_states_that_nothing_measures() -> None:
     signals = inner_signals(fitted_oscillator())
     target = next(one for one in signals.targets() if one.name == "damper_force")
-    (reading,) = smoothed_readings(signals, [target])
+    (reading,) = smoothed_readings(fitted_readings(signals, [target]))
     for push, used, fitted, smoothed in zip(PUSHES, signals.used, signals.signals, reading.motion.signals, strict=True):
         whole = velocity(*push)
         truth = whole[used.start - (len(fitted["velocity"]) - len(whole)) :][: used.stop - used.start]
@@ -125,7 +125,7 @@ def test_strong_stops_are_found_where_they_stand() -> None:
     assert found.removed > 0.999
     # what replaces the term along its own motion is the term
     signals = inner_signals(found.fitted)
-    (smoothed,) = smoothed_readings(signals, [found.target])
+    (smoothed,) = smoothed_readings(fitted_readings(signals, [found.target]))
     readings = readings_without(signals, smoothed, [(term.term, term.value)], [found.target])
     (columns,) = term_columns(readings, [*static_terms(signals.variables()), term.term])
     best = selections(found.fitted.hypothesis.observed, columns, 0.0, 1)[0]
