@@ -50,9 +50,10 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
         return Shrinkage(())
     reference = _Reference.of(found, seed)
     single = [Group(name, (number,)) for number, name in enumerate(observed.problem.tests)]
+    together = groups(observed, found.best.fitted.hypothesis.effects)
     kinds: dict[Kind, list[_Predicted]] = {
         "test": list(_predicted(found, reference, single, _REFIT)),
-        "group": list(_predicted(found, reference, groups(observed), _REFIT_OF_GROUPS)),
+        "group": list(_predicted(found, reference, together, _REFIT_OF_GROUPS)),
     }
     limit = float(np.mean([one.squares.before[0].sum() for one in kinds["test"]]))
     judged = {kind: [one.judged(limit) for one in predicted] for kind, predicted in kinds.items()}
@@ -209,7 +210,7 @@ def _predicted(
         series = tuple(_series(observed, group.tests, [[test[k] for test in side] for side in outputs]))
         told = evidence_of(best, alone, group.tests, errors, direct)
         gain = 0.0 if diverged else _gain((baseline, best), linear, k, group.tests)
-        one = HoldOut(group.name, names, share, low, high, diverged, series, gain)
+        one = HoldOut(group.name, names, share, low, high, diverged, series, gain, group.later)
         yield _Predicted(one, squares, beyond, told)
 
 

@@ -204,9 +204,7 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
     reason = _why_no_shrinkage(case)
     progress("held-out tests", 0, 1, "")
     shrinkage, reason = (None, reason) if reason else measured_shrinkage(found, candidates, records, seed)
-    # the cause is graded by tests like those that named it; how far its law reaches is another question
-    alike = shrinkage.of("test") if shrinkage else None
-    removed = alike.share if alike else 0.0
+    removed = shrinkage.of_cause if shrinkage else 0.0
     if len(observed.problem.tests) < 2:  # what the fit to it leaves must do
         removed = 1 - share_left(found.best.fitted, found.baseline)
     main = case.is_main and stands_out(found, case.settings)

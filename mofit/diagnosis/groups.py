@@ -9,6 +9,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.models import Effect
 from mofit.simulation import exciting_channel
 
 #: Tests from here on up to the largest value are one group: half the power of an amplitude (3 dB), half an octave of a
@@ -18,29 +19,48 @@ _CLEARLY = 0.5**0.5
 
 @dataclass(frozen=True)
 class Group:
-    """Tests that are left out together, by index, and what they have in common, in words."""
+    """Tests that are left out together, by index, and what they have in common, in words.
+
+    Of an effect that follows the run order they may be the ``later`` ones.
+    """
 
     name: str
     tests: tuple[int, ...]
+    later: bool = False
 
 
-def groups(observed: WhitenedData) -> list[Group]:
+def groups(observed: WhitenedData, effects: Iterable[Effect] = ()) -> list[Group]:
     """The tests of largest amplitude, those of highest frequency, and those of every procedure where there are several.
 
-    Amplitude and frequency are those of the measured main input, so that records of any kind have them. At least half
-    of the tests stay to be fitted. Properties that choose the same tests make one group.
+    Amplitude and frequency are those of the measured main input, so that records of any kind have them. With an effect
+    that follows the run order also the `latest` tests. At least half of the tests stay to be fitted. Properties that
+    choose the same tests make one group.
     """
     amplitudes, frequencies = np.array([_amplitude_and_frequency(observed, k) for k in _numbers(observed)]).T
     kinds = [measurement.kind for measurement in observed.problem.measurements]
+    last = latest(observed, effects)
     found: dict[tuple[int, ...], list[str]] = {}
     for name, tests in (
         ("largest amplitude", _largest(amplitudes)),
         ("highest frequency", _largest(frequencies)),
+        ("latest start", last),
         *((f"procedure {kind}", tuple(_where(kind == one for one in kinds))) for kind in dict.fromkeys(kinds)),
     ):
         if tests and 2 * len(tests) <= len(kinds):
             found.setdefault(tests, []).append(name)
-    return [Group(" and ".join(names), tests) for tests, names in found.items()]
+    return [Group(" and ".join(names), tests, tests == last) for tests, names in found.items()]
+
+
+def latest(observed: WhitenedData, effects: Iterable[Effect]) -> tuple[int, ...]:
+    """Tests that begin last, if one of the effects follows the run order; none otherwise.
+
+    Between tests that are fitted, a law of the time is interpolated, and follows whatever changes slowly.
+    """
+    if not any(condition.name == "start_time" for effect in effects for condition in effect.conditions):
+        return ()
+    starts = [measurement.experiment.start_time for measurement in observed.problem.measurements]
+    known = np.array([np.nan if start is None else start for start in starts])
+    return _largest(known - np.nanmin(known))
 
 
 def _numbers(observed: WhitenedData) -> range:

@@ -56,6 +56,8 @@ class HoldOut:
     gain
         By how much minus twice the logarithm of their predictive density falls with the effect, see
         `mofit.diagnosis.predictive_density.deviance`; 0 where that is not known.
+    later
+        Whether they are those that begin last, left out because an effect follows the run order.
     """
 
     name: str
@@ -66,6 +68,7 @@ class HoldOut:
     ran_away: bool = False
     predictions: tuple[HeldOut, ...] = ()
     gain: float = 0.0
+    later: bool = False
 
     @property
     def in_words(self) -> str:
@@ -166,6 +169,18 @@ class Shrinkage:
     def of(self, kind: Kind) -> Share | None:
         """The share on one kind of hold-out; None if it is not at hand."""
         return next((one for one in self.shares if one.kind == kind), None)
+
+    @property
+    def of_cause(self) -> float:
+        """The share by which a cause is graded, 0 if there is none.
+
+        That of tests like those that named it, as how far its law reaches is another question; but of a law of the
+        time it is the question, so that it must hold on the latest tests, too.
+        """
+        alike, together = self.of("test"), self.of("group")
+        held_out = (*self.ran_away, *(together.hold_outs if together else ()))
+        later = [one.share for one in held_out if one.later]
+        return min([alike.share, *later]) if alike else 0.0
 
     @property
     def contradicting(self) -> tuple[HoldOut, ...]:

@@ -114,6 +114,16 @@ def test_tests_left_out_that_are_less_probable_contradict_a_cause(held_out, verd
     assert main.verdict(DiagnosisSettings()) == ("effect" if verdict == "effect" else "partly")
 
 
+@pytest.mark.parametrize(("later", "runs_away", "of_cause"), [(0.3, False, 0.3), (0.9, False, 0.5), (0.0, True, 0.0)])
+def test_a_law_of_the_time_is_graded_by_later_tests_too(later, runs_away, of_cause):
+    (alike,) = left_out(5.0).shares
+    last = HoldOut("latest start", ("3",), later, 0.0, 1.0, ran_away=runs_away, later=True)
+    group = Share("group", later, 0.0, 1.0, later, (last,))
+    # a group that runs away has no share
+    found = Shrinkage((alike,), ran_away=(last,)) if runs_away else Shrinkage((alike, group))
+    assert found.of_cause == of_cause
+
+
 def test_a_hold_out_that_contradicts_is_told_once():
     alone = HoldOut("sine_1", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)
     group = HoldOut("largest amplitude", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)

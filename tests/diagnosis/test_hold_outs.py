@@ -18,7 +18,7 @@ from mofit.diagnosis.result import Diagnosis, summary
 from mofit.diagnosis.shrinkage import HoldOut
 from mofit.errors import InputError
 from mofit.identification.settings import Settings
-from mofit.models import find_model
+from mofit.models import find_effect, find_model
 from mofit.simulation.virtual_rig import plan as plans
 from mofit.simulation.virtual_rig.rig import run_plan
 
@@ -123,6 +123,17 @@ def test_groups_are_what_lies_beyond_the_other_tests() -> None:
     observed = damper_diagnosis(FRICTION).observed
     names = {one.name: [observed.problem.tests[k] for k in one.tests] for one in groups(observed)}
     assert names == {"largest amplitude": ["0.5Hz", "1Hz"], "highest frequency": ["4Hz"]}
+
+
+def test_with_a_law_of_the_time_the_latest_tests_are_a_group() -> None:
+    """Between tests that are fitted, it follows whatever changes slowly."""
+    observed = damper_diagnosis(FRICTION).observed
+    starts = {m.name: m.experiment.start_time for m in observed.problem.measurements}
+    late = max(starts.values()) / 2**0.5
+    (last,) = (one for one in groups(observed, [find_effect("drift:output")]) if one.later)
+    assert "latest start" in last.name
+    assert [observed.problem.tests[k] for k in last.tests] == [name for name, start in starts.items() if start > late]
+    assert not any(one.later for one in groups(observed, [find_effect("dry_friction")]))
 
 
 @pytest.mark.slow
