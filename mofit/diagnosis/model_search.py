@@ -11,7 +11,7 @@ from mofit.diagnosis.accounts import Account, accounts_of, promising
 from mofit.diagnosis.beside import refitted
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.refit import CandidateModel, rated
+from mofit.diagnosis.refit import CandidateModel, doubt_of_constants, rated
 from mofit.diagnosis.residual_tests import Residuals, residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
@@ -97,12 +97,13 @@ class _Search:
         present = [effect.name for effect in base.hypothesis.effects]
         fresh = [one for one in added if not self.tried([*present, one.name])]
         contender = self.settings.contender
+        doubt = max(doubt_of_constants(self.baseline), 0.0)  # squares up to so far above the criterion count
         made: dict[str, CandidateModel] = {}
         failed = dict(self.failed)
         lowest = self.best.criterion
         # the most promising one first: far above it the others need no exact fit
         for part in (fresh[:1], fresh[1:]):
-            for one, found in zip(part, refitted(base, part, lowest + contender, progress), strict=True):
+            for one, found in zip(part, refitted(base, part, lowest + contender + doubt, progress), strict=True):
                 if isinstance(found, str):
                     failed[tuple(sorted((*present, one.name)))] = found
                 else:
@@ -112,7 +113,7 @@ class _Search:
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
         others = [other for one in contenders if (other := one.alternative) is not None]
-        for one, found in zip(others, refitted(base, others, limit, progress), strict=True):
+        for one, found in zip(others, refitted(base, others, limit + doubt, progress), strict=True):
             if not isinstance(found, str):  # else the effect is fitted all the same
                 better, worse = sorted((made[one.name], rated(found, len(self.candidates))), key=_order)
                 made[one.name] = replace(better, alternative=worse)
@@ -124,6 +125,7 @@ class _Search:
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
         limit, better = self.best.criterion + self.settings.contender, dict[tuple[str, ...], CandidateModel]()
+        limit += max(doubt_of_constants(self.baseline), 0.0)
         for one, found in zip(farther, refitted(self.baseline, farther, limit, progress), strict=True):
             model = None if isinstance(found, str) else rated(found, len(self.candidates))
             if model is not None and model.criterion < known[one.name,].criterion - WORTH:

@@ -43,7 +43,8 @@ class CandidateModel:
     .. math:: \mathrm{EBIC} = \|r\|^2 + q \log n + 2 \log \binom{c}{k}
 
     with all whitened squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a
-    gap, and c candidates: the last term is the price of the selection.
+    gap, and c candidates: the last term is the price of the selection. The constants of the records count by
+    Student's t instead of their squares, see `doubt_of_constants`.
 
     Attributes
     ----------
@@ -77,7 +78,25 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     chosen = len(model.effects)
     rows = int(model.observed.explainable.sum())
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
-    return CandidateModel(fitted, float(fitted.residual @ fitted.residual) + _price(model, rows) + 2 * float(choices))
+    squares = float(fitted.residual @ fitted.residual) - doubt_of_constants(fitted)
+    return CandidateModel(fitted, squares + _price(model, rows) + 2 * float(choices))
+
+
+def doubt_of_constants(fitted: Fitted) -> float:
+    r"""By how much the squares of the records' constants count less, as their noise is not known well.
+
+    .. math:: \sum_s r_s^2 - (\nu + n) \log(1 + \sum_s r_s^2 / \nu)
+
+    of n constants with :math:`\nu` degrees of freedom: a multivariate t distribution. How large their noise is, the
+    lines above zero frequency tell of all records alike; no other line is extrapolated.
+    """
+    observed = fitted.hypothesis.observed
+    where = (observed.line == 0) & observed.explainable
+    squares, count = float(np.sum(fitted.residual[: len(where)][where] ** 2)), int(where.sum())
+    if not count:
+        return 0.0
+    freedom = count / float(np.sum(1 / observed.degrees_of_freedom[where]))
+    return squares - (freedom + count) * float(np.log1p(squares / freedom))
 
 
 def _price(model: Hypothesis, rows: int) -> float:

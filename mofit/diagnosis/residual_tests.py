@@ -152,13 +152,16 @@ class Remainder:
     def p_value(self, total: float, count: float, weight: FloatArray) -> float:
         """Of a sum of squares with so many degrees of freedom, of rows with these weights (m,).
 
-        Rows of one record share a noise estimate, records do not (Satterthwaite).
+        Rows of one record share a noise estimate, records do not (Satterthwaite); but constants are extrapolated alike
+        in all records, from how the noise grows towards zero frequency.
         """
-        observed = self.observed
-        shares = np.bincount(observed.record, weight)
+        record, constant = self.observed.record, self.observed.line == 0
         # few lines known badly make a sum uncertain, however well the others are known
-        inverse = np.bincount(observed.record, weight / observed.degrees_of_freedom)
-        behind = float(shares.sum() ** 2 / np.sum(shares * inverse))
+        inverse = weight / self.observed.degrees_of_freedom
+        own = np.bincount(record, weight) @ np.bincount(record, inverse)
+        levels, unsure = constant * weight, constant * inverse
+        between = levels.sum() * unsure.sum() - np.bincount(record, levels) @ np.bincount(record, unsure)
+        behind = float(weight.sum() ** 2 / (own + between))
         return float(fisher.sf(total / count, count, behind))
 
     def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
@@ -205,8 +208,8 @@ def _smooth_tests(left: Remainder) -> Iterator[ResidualTest]:
 
     On harmonic h, relative to the phase of the excitation, the gap of test t is taken as
     :math:`\sum_j c_j (\log f_t)^j` with complex coefficients: any effect of the class adds to it, and few coefficients
-    see what a sum over all lines would hide. Low harmonics are tested one by one; all together, with straight lines in
-    log f, show a gap that is distributed over many.
+    see what a sum over all lines would hide. Low harmonics are tested one by one; all together but the constant, with
+    straight lines in log f, show a gap that is distributed over many.
     """
     observed = left.observed
     places = [i for i, (_, _, w) in enumerate(observed.records) if w.periods]
@@ -219,7 +222,7 @@ def _smooth_tests(left: Remainder) -> Iterator[ResidualTest]:
     powers = np.stack([(z / np.abs(z).max()) ** j for j in range(degree + 1)], axis=1)
     for harmonic in range(_SMOOTH_HARMONICS + 1):
         yield _columns_test(left, f"harmonic {harmonic}", _smooth_columns(observed, places, powers, harmonic))
-    together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in range(HARMONICS + 1)]
+    together = [_smooth_columns(observed, places, powers[:, :2], harmonic) for harmonic in range(1, HARMONICS + 1)]
     yield _columns_test(left, "harmonics together", np.concatenate(together, axis=1))
 
 

@@ -83,7 +83,7 @@ def test_records_together_tell_a_long_memory() -> None:
     memory = np.array([process.memory for process in processes])
     assert np.mean(np.abs(memory) < 4) > 0.7
     together = memory.sum(axis=0)
-    assert np.argmax(together) in (4, 5)  # exponents of 0.45 and 0.55; that of 1/f noise is 0.5
+    assert np.argmax(together) == 4  # the exponent of 0.5
     assert together[4:6].max() - together[:3].max() > 5
 
     def squares(process: NoiseProcess, error: np.ndarray) -> float:
@@ -108,7 +108,17 @@ def test_noise_with_a_short_memory_has_none_together(coefficient: float) -> None
     assert together[4] < -5
 
 
+def test_long_memory_is_told_beside_resonances() -> None:
+    """Two, which take an autoregressive process of order 4."""
+    rng = np.random.default_rng(6)
+    turns = 0.95 * np.exp(1j * np.array([0.6, 1.7]))
+    resonances = np.poly(np.concatenate([turns, turns.conj()])).real
+    noises = [lfilter([1.0], resonances, long_memory(rng, COUNT + 200))[200:] for _ in range(8)]
+    together = np.sum([noise_process(noise, STROKE, TIME, None).memory for noise in noises], axis=0)
+    assert together[4] > 3  # 1/f, against none
+
+
 def test_a_record_that_tells_nothing_stays_as_it_is() -> None:
     short = noise_process(np.random.default_rng(2).standard_normal(60), STROKE[:60], TIME[:60], None)
     assert not short.memory.any()
-    np.testing.assert_array_equal(short.beside(50 * np.arange(7.0)).spectrum, short.spectrum)
+    np.testing.assert_array_equal(short.beside(50.0 * np.arange(len(short.memory))).spectrum, short.spectrum)

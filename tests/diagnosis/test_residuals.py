@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from damper_rig import NOISE, damper_fit
+from scipy.stats import f as fisher
+from scipy.stats import multivariate_t
 
+from mofit.diagnosis.refit import doubt_of_constants
 from mofit.diagnosis.residual_map import homogeneity, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 
@@ -76,6 +79,28 @@ def test_what_is_too_small_for_a_single_test_is_seen_in_all_together(signal, nam
     assert found.p_value < 1e-3
     # no other test sees it
     assert len(found.tests) * found.tests[1].p_value > 1e-3
+
+
+def test_constants_of_all_records_are_known_as_well_as_one() -> None:
+    """Their noise is extrapolated from the lines above zero frequency, alike in all records."""
+    fitted = everywhere(damper_fit(), lambda time, frequency: np.full(len(time), 0.4 * NOISE * np.log2(frequency)))
+    observed = fitted.hypothesis.observed
+    freedom = observed.degrees_of_freedom[observed.of("dc")]
+    (found,) = (one for one in residual_tests(fitted).tests if one.name == "dc")
+    power, count = found.statistic / found.degrees_of_freedom, found.degrees_of_freedom
+    assert fisher.sf(power, count, freedom.max()) <= found.p_value <= fisher.sf(power, count, freedom.min())
+    assert found.p_value > 10 * fisher.sf(power, count, freedom.sum())
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1, 10.0])
+def test_constants_count_by_a_multivariate_t_distribution(offset: float) -> None:
+    fitted = everywhere(damper_fit(), lambda time, frequency: np.full(len(time), offset * NOISE * np.log2(frequency)))
+    observed = fitted.hypothesis.observed
+    constants = fitted.residual[: len(observed.measured)][observed.of("dc")]
+    freedom = len(constants) / np.sum(1 / observed.degrees_of_freedom[observed.of("dc")])
+    density = multivariate_t(shape=np.eye(len(constants)), df=freedom).logpdf
+    surprise = 2 * (density(np.zeros(len(constants))) - density(constants))
+    assert constants @ constants - doubt_of_constants(fitted) == pytest.approx(surprise)
 
 
 def test_the_gap_is_measured_in_newtons() -> None:
