@@ -108,6 +108,9 @@ class Finding:
         Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
     refuted
         Whether tests left out are no more probable with these effects, or some are far less.
+    stretched
+        Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
+        the gap goes, as a series that is fitted to a curve fails beyond its data.
     """
 
     effects: Sequence[str]
@@ -118,6 +121,7 @@ class Finding:
     doubtful: bool = False
     removed: float = 0.0
     refuted: bool = False
+    stretched: bool = False
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter."""
@@ -131,7 +135,7 @@ class Finding:
         unexplained = self.beyond_noise(settings) and self.left_share > limit
         if not self.significant or not (self.effects or unexplained):
             return "none"
-        if unexplained or self.refuted or not self.effects:
+        if unexplained or self.refuted or self.stretched or not self.effects:
             return "partly" if self.effects and self.removed >= settings.partly else "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
 
@@ -180,6 +184,7 @@ def conclude(
         doubtful=bool(doubtful),
         removed=removed,
         refuted=held_out is not None and held_out.refutes,
+        stretched=held_out is not None and several and len(best.families) == 1 and not held_out.reaches,
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)

@@ -215,7 +215,7 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
         found, before, after, rules, ignored=case.ignored, share=share, removed=removed, held_out=shrinkage, rivals=near
     )
     if shrinkage and conclusion.verdict == "unknown":
-        shrinkage, reason = None, "tests left out contradict the nearest of the known effects"
+        shrinkage, reason = None, "the nearest of the known effects does not hold on tests left out"
     return _Ending(found, conclusion, shrinkage, reason)
 
 

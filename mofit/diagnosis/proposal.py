@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.cross_validation import Shrinkage, cross_validate
+from mofit.diagnosis.cross_validation import cross_validate
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.model_search import Attribution, with_final_estimates
@@ -17,6 +17,7 @@ from mofit.diagnosis.refit import rated
 from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.shrinkage import HALF, Shrinkage
 from mofit.diagnosis.term_search import Trial, estimated, searched, simplest
 from mofit.diagnosis.term_selection import noise_of_folds, prediction_errors
 from mofit.diagnosis.terms import TermEffect
@@ -30,8 +31,6 @@ _Z90 = 1.645
 _WORSE = 2.0
 #: Of a single test.
 _PARTS = "parts left out in turn"
-#: Share of the gap that a term must remove where left out.
-_HALF = 0.5
 #: Least number of folds with a gap that a term must halve, or all that show one; of fewer folds it must shrink all.
 _FEWEST_FOLDS = 3
 #: But never a single one: that may be chance. So many must be promised, where refits decide.
@@ -148,7 +147,7 @@ def propose(
     noise = _at_most(noise, best.errors)
     shown = nothing > 2 * noise
     many, refits = len(nothing) >= _FEWEST_FOLDS, tests >= _FEWEST_FOLDS
-    fewer = int(np.sum(best.errors[shown] < (_HALF if many else 1.0) * nothing[shown]))
+    fewer = int(np.sum(best.errors[shown] < (HALF if many else 1.0) * nothing[shown]))
     needed = _needed(int(shown.sum())) if many else len(nothing)
     # one step from the fit to all selects, but a fit without a fold may lie far from that: refits decide
     if fewer < (_MORE_THAN_CHANCE if refits else needed):
@@ -199,12 +198,12 @@ def _validated(starts: Sequence[Fitted], best: Trial, needed: int, seed: int) ->
         return shrinkage.reason
     if shrinkage.ran_away:
         return f"without {' or '.join(one.name for one in shrinkage.ran_away)} the fit of the best term runs away"
-    halved = sum(one.share > _HALF for one in alike.hold_outs)
+    halved = sum(one.share > HALF for one in alike.hold_outs)
     if halved < needed:
         return _chance(effect, "halves", halved, len(alike.hold_outs), "tests")
     reached = shrinkage.headline
     for one in (alike, reached):
-        if one.share <= _HALF:
+        if one.share <= HALF:
             return _too_little(one.share, one.low, one.high, one.place)
     if shrinkage.refutes:
         tests = " and ".join(one.in_words for one in shrinkage.contradicting) or "tests left out in turn"

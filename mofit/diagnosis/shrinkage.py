@@ -18,6 +18,8 @@ KINDS: tuple[Kind, ...] = ("test", "group", "records")
 _DECIMALS = 4
 #: So many times more probable without an effect is a hold-out that contradicts it: one in as many, where it holds.
 _ODDS = 1000.0
+#: Share of the gap that must go on hold-outs for what stands for a law that is not known.
+HALF = 0.5
 #: From so many powers of ten on a ratio is told as one.
 _DECADES = 3
 _PLACES = {"test": "tests left out in turn", "group": "whole groups of tests left out", "records": "records held out"}
@@ -195,6 +197,11 @@ class Shrinkage:
         """Whether a hold-out contradicts the effect, or tests left out in turn are no more probable with it."""
         alike = self.of("test")
         return bool(self.contradicting) or (alike is not None and alike.gain <= 0)
+
+    @property
+    def reaches(self) -> bool:
+        """Whether more than half of the gap goes on every kind of hold-out, and no fit runs away."""
+        return not self.ran_away and all(one.share > HALF for one in self.shares)
 
     @property
     def sentence(self) -> str:

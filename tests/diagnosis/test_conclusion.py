@@ -124,6 +124,19 @@ def test_a_law_of_the_time_is_graded_by_later_tests_too(later, runs_away, of_cau
     assert found.of_cause == of_cause
 
 
+@pytest.mark.parametrize(
+    ("shares", "runs_away", "reaches"), [((0.9, 0.6), False, True), ((0.9, 0.5), False, False), ((0.9,), True, False)]
+)
+def test_laws_of_one_family_must_hold_on_every_hold_out(shares, runs_away, reaches):
+    """As a series fitted to a curve, they stand for a law that is none of them."""
+    hold_out = HoldOut("3", ("3",), 0.0, 0.0, 0.0, ran_away=True)
+    kinds = [Share(kind, share, 0.0, 1.0, share, ()) for kind, share in zip(("test", "group"), shares, strict=False)]
+    found = Shrinkage(tuple(kinds), ran_away=(hold_out,) * runs_away)
+    assert found.reaches == reaches
+    finding = Finding(("cubic_stiffness", "payne"), True, 0.5, 0.01, 0.01, removed=0.9, stretched=not found.reaches)
+    assert finding.verdict(DiagnosisSettings()) == ("several" if reaches else "partly")
+
+
 def test_a_hold_out_that_contradicts_is_told_once():
     alone = HoldOut("sine_1", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)
     group = HoldOut("largest amplitude", ("sine_1",), 0.5, 0.4, 0.6, gain=-50.0)
