@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from mofit.diagnosis.refit import CandidateModel
+from mofit.diagnosis.candidate_model import CandidateModel
 from mofit.diagnosis.score_test import ScoreTest
 
 Outcome = Literal["fitted", "not needed", "could not be fitted"]

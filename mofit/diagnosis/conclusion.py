@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.candidate_model import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.effect_size import parameters_of, size_of
 from mofit.diagnosis.model_search import Attribution
-from mofit.diagnosis.refit import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.residual_map import ResidualMap
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, rig_and_model, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings

@@ -21,7 +21,8 @@ from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
 from mofit.diagnosis.predictive_density import deviance
 from mofit.diagnosis.remainder import Evidence
-from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage, Squares, interval, joined
+from mofit.diagnosis.removed_share import Squares, interval, joined
+from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
 

@@ -12,6 +12,7 @@ from mofit.data import Campaign
 from mofit.data.set_points import at_set_points
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
+from mofit.diagnosis.candidate_model import share_left
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted
@@ -25,7 +26,6 @@ from mofit.diagnosis.motion_scales import motion_scales
 from mofit.diagnosis.next_experiment import next_experiment
 from mofit.diagnosis.notes import at_ends, at_most, of_noise, of_tests
 from mofit.diagnosis.proposal import Proposal, propose
-from mofit.diagnosis.refit import share_left
 from mofit.diagnosis.residual_map import homogeneity
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings

@@ -9,11 +9,11 @@ import numpy as np
 
 from mofit.diagnosis.baseline import fit_baseline, with_noise_of
 from mofit.diagnosis.beside import prepared
+from mofit.diagnosis.candidate_model import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.model_search import Attribution, attribute
-from mofit.diagnosis.refit import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings

@@ -12,9 +12,9 @@ from scipy.linalg import block_diag
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
 from mofit.data.signals import SignalAnalysis
+from mofit.diagnosis.candidate_model import CandidateModel, probabilities
 from mofit.diagnosis.expected_discrimination import LinearisedExperiment, linearise, rejection_probability
 from mofit.diagnosis.fitting import Fitted
-from mofit.diagnosis.refit import CandidateModel, probabilities
 from mofit.diagnosis.settings import NextExperimentSettings
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.diagnosis.whitening import Whitening

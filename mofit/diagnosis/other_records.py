@@ -18,7 +18,8 @@ from mofit.diagnosis.input_prediction import with_noise_beside_prediction
 from mofit.diagnosis.integration import clipped, stable
 from mofit.diagnosis.mean_squares import products_of_tests
 from mofit.diagnosis.remainder import Evidence, evidence
-from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Share, Squares, interval, joined
+from mofit.diagnosis.removed_share import Squares, interval, joined
+from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Share
 from mofit.diagnosis.whitened_data import WhitenedData, whiten
 from mofit.models import with_effects
 from mofit.problem import build_problem

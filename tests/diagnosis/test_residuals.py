@@ -8,7 +8,7 @@ from damper_rig import NOISE, damper_fit
 from scipy.stats import f as fisher
 from scipy.stats import multivariate_t
 
-from mofit.diagnosis.refit import doubt_of_constants
+from mofit.diagnosis.candidate_model import doubt_of_constants
 from mofit.diagnosis.residual_map import homogeneity, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 
