@@ -72,14 +72,16 @@ def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_where_the_limit_ends_it_the_result_is_not_trusted():
-    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=5, jobs=1, simulations=182))  # the fewest
-    (mode, *_) = modes
-    assert mode.sampled.problem.main.evaluations.count <= 182
-    assert mode.emulator.error > ACCEPTED
-    finding = mode.emulator.finding("m1")
-    assert finding.level == "untrusted"
-    assert "--simulations" in finding.text
+def test_where_the_limit_ends_it_the_result_is_trusted_by_the_emulator_s_error():
+    levels = {}
+    for seed in (3, 5):  # with so few simulations it is a matter of luck
+        modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=seed, jobs=1, simulations=182))
+        (mode, *_) = modes
+        assert mode.sampled.problem.main.evaluations.count <= 182
+        finding = mode.emulator.finding("m1")
+        levels[mode.emulator.error > ACCEPTED] = finding and finding.level
+        assert finding is None or "--simulations" in finding.text
+    assert levels == {True: "untrusted", False: None}
     assert Lagging.name == "lagging"
 
 
