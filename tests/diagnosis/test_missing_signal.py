@@ -102,6 +102,7 @@ def velocity(amplitude: float, frequency: float, periods: int) -> np.ndarray:
     return np.asarray(solve_ivp(rates, (t[0], t[-1]), [0.0, 0.0], t_eval=t, rtol=1e-9, atol=1e-12).y[1])
 
 
+@pytest.mark.slow
 def test_the_smoothed_motion_comes_near_that_of_the_rig_in_states_that_nothing_measures() -> None:
     signals = inner_signals(fitted_oscillator())
     target = next(one for one in signals.targets() if one.name == "damper_force")
