@@ -111,10 +111,11 @@ def test_noise_with_a_short_memory_has_none_together(coefficient: float) -> None
 def test_long_memory_is_told_beside_resonances() -> None:
     """Two, which take an autoregressive process of order 4."""
     rng = np.random.default_rng(6)
+    period = COUNT * 0.1 / 4
     turns = 0.95 * np.exp(1j * np.array([0.6, 1.7]))
     resonances = np.poly(np.concatenate([turns, turns.conj()])).real
     noises = [lfilter([1.0], resonances, long_memory(rng, COUNT + 200))[200:] for _ in range(8)]
-    together = np.sum([noise_process(noise, STROKE, TIME, None).memory for noise in noises], axis=0)
+    together = np.sum([noise_process(noise, STROKE, TIME, period).memory for noise in noises], axis=0)
     assert together[4] > 3  # 1/f, against none
 
 

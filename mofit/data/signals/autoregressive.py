@@ -40,6 +40,8 @@ class SpectrumSettings:
     memories: tuple[float, ...] = (0.2, 0.3, 0.4, 0.5, 0.6)
     """Exponents d of long memory that are tried; 1/f noise has 0.5. A record of 1000 samples tells d within 0.025:
     far beside the right one a process of short memory fits as well."""
+    memory_order_of_rest: int = 3
+    """Highest order beside long memory in a record that does not repeat."""
     memory_bins: int = 64
     """Known bins from which long memory can be told from a short one."""
     bins_per_coefficient: int = 8
@@ -80,7 +82,11 @@ class SpectrumEstimate:
 
 
 def autoregressive_spectrum(
-    lines: NDArray[Any], known: NDArray[np.bool_], count: int, fitted: NDArray[Any] | None = None
+    lines: NDArray[Any],
+    known: NDArray[np.bool_],
+    count: int,
+    fitted: NDArray[Any] | None = None,
+    memory_order: int = SETTINGS.highest_order,
 ) -> SpectrumEstimate:
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
@@ -99,6 +105,8 @@ def autoregressive_spectrum(
         Number of samples n.
     fitted
         The same transform of signals whose coefficients were fitted, shape (n // 2 + 1, d).
+    memory_order
+        Highest order of the process beside long memory.
     """
     number, power = int(known.sum()), np.abs(lines) ** 2
     if number == 0:
@@ -111,7 +119,7 @@ def autoregressive_spectrum(
     found = [_Fits(_autoregressive(record, np.ones(len(power)), turn))]
     for exponent in SETTINGS.memories if number >= SETTINGS.memory_bins else ():
         shape = _long_memory(count, exponent)[: len(power)]
-        found.append(_Fits(_autoregressive(record, shape, turn)))
+        found.append(_Fits(_autoregressive(record, shape, turn[:, : memory_order + 1])))
     memory = no_memory()
     memory[: len(found)] = [one.log_weight - found[0].log_weight for one in found]
     return SpectrumEstimate(tuple(one.averaged() for one in found), memory)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from mofit._typing import FloatArray
+from mofit.data.signals.autoregressive import SETTINGS as SPECTRUM
 from mofit.data.signals.autoregressive import SpectrumEstimate, autoregressive_spectrum, no_memory
 from mofit.data.signals.periodicity import periodic_fit
 
@@ -145,14 +146,16 @@ def noise_process(
     if len(harmonics):
         every = _bins(periods, int(len(power) / periods))
         known[every[every < len(power)]] = False
-    estimate = autoregressive_spectrum(lines, known, count, beside)
+    # what a record that does not repeat holds of the model's error has resonances, too
+    highest = SPECTRUM.highest_order if len(harmonics) else SPECTRUM.memory_order_of_rest
+    estimate = autoregressive_spectrum(lines, known, count, beside, highest)
     used = known
     for _ in range(LINES.line_rounds if without_lines else 0):
         quiet = known & (power < LINES.line * estimate.averaged()[0])
         if np.array_equal(quiet, used):
             break
         used = quiet
-        estimate = autoregressive_spectrum(lines, used, count, beside)
+        estimate = autoregressive_spectrum(lines, used, count, beside, highest)
     whole = np.abs(np.fft.rfft(residual)) ** 2 / count
     return NoiseProcess(level, *estimate.averaged(), harmonics, whole[harmonics], estimate)
 
