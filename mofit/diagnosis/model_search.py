@@ -82,6 +82,11 @@ class _Search:
     def best(self) -> CandidateModel:
         return self.models[0]
 
+    @property
+    def doubt(self) -> float:
+        """By how much the squares of a model that counts may exceed its criterion, see `doubt_of_constants`."""
+        return max(doubt_of_constants(self.baseline), 0.0)
+
     def tried(self, effects: Iterable[str]) -> bool:
         return tuple(sorted(effects)) in {one.effects for one in self.models} | {*self.failed}
 
@@ -97,13 +102,12 @@ class _Search:
         present = [effect.name for effect in base.hypothesis.effects]
         fresh = [one for one in added if not self.tried([*present, one.name])]
         contender = self.settings.contender
-        doubt = max(doubt_of_constants(self.baseline), 0.0)  # squares up to so far above the criterion count
         made: dict[str, CandidateModel] = {}
         failed = dict(self.failed)
         lowest = self.best.criterion
         # the most promising one first: far above it the others need no exact fit
         for part in (fresh[:1], fresh[1:]):
-            for one, found in zip(part, refitted(base, part, lowest + contender + doubt, progress), strict=True):
+            for one, found in zip(part, refitted(base, part, lowest + contender + self.doubt, progress), strict=True):
                 if isinstance(found, str):
                     failed[tuple(sorted((*present, one.name)))] = found
                 else:
@@ -113,7 +117,7 @@ class _Search:
         contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
         others = [other for one in contenders if (other := one.alternative) is not None]
-        for one, found in zip(others, refitted(base, others, limit + doubt, progress), strict=True):
+        for one, found in zip(others, refitted(base, others, limit + self.doubt, progress), strict=True):
             if not isinstance(found, str):  # else the effect is fitted all the same
                 better, worse = sorted((made[one.name], rated(found, len(self.candidates))), key=_order)
                 made[one.name] = replace(better, alternative=worse)
@@ -124,8 +128,8 @@ class _Search:
         known = {one.effects: one for one in self.models if len(one.effects) == 1}
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
-        limit, better = self.best.criterion + self.settings.contender, dict[tuple[str, ...], CandidateModel]()
-        limit += max(doubt_of_constants(self.baseline), 0.0)
+        better = dict[tuple[str, ...], CandidateModel]()
+        limit = self.best.criterion + self.settings.contender + self.doubt
         for one, found in zip(farther, refitted(self.baseline, farther, limit, progress), strict=True):
             model = None if isinstance(found, str) else rated(found, len(self.candidates))
             if model is not None and model.criterion < known[one.name,].criterion - WORTH:

@@ -1,6 +1,7 @@
 """Users' simulators through the whole identification, beside models with the same equations."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,16 +73,16 @@ def test_too_few_simulations_are_refused_before_anything_is_written(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_where_the_limit_ends_it_the_result_is_trusted_by_the_emulator_s_error():
-    levels = {}
-    for seed in (3, 5):  # with so few simulations it is a matter of luck
-        modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=seed, jobs=1, simulations=182))
-        (mode, *_) = modes
-        assert mode.sampled.problem.main.evaluations.count <= 182
-        finding = mode.emulator.finding("m1")
-        levels[mode.emulator.error > ACCEPTED] = finding and finding.level
-        assert finding is None or "--simulations" in finding.text
-    assert levels == {True: "untrusted", False: None}
+def test_where_the_limit_ends_it_the_error_of_the_emulator_says_whether_it_is_trusted():
+    modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=5, jobs=1, simulations=182))  # the fewest
+    (mode, *_) = modes
+    assert mode.sampled.problem.main.evaluations.count <= 182
+    # how near it comes with so few is a matter of luck
+    finding = mode.emulator.finding("m1")
+    assert (finding is None) == (mode.emulator.error <= ACCEPTED)
+    finding = replace(mode.emulator, error=2 * ACCEPTED).finding("m1")
+    assert finding.level == "untrusted"
+    assert "--simulations" in finding.text
     assert Lagging.name == "lagging"
 
 

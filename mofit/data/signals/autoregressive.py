@@ -90,7 +90,8 @@ def autoregressive_spectrum(
 ) -> SpectrumEstimate:
     r"""Fit processes of order 0 to 12 and average :math:`\log S` over them with Akaike's weights.
 
-    Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times these spectra.
+    Beside them stand processes with long memory (1/f noise), :math:`|2 \sin(\omega/2)|^{-2d}` times these spectra
+    up to ``memory_order``.
 
     A fit has drawn the lines of its residual towards zero where its signals have their power, most on the lowest.
     Restricted maximum likelihood (REML) takes only what no such signal changes.
