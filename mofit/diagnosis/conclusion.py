@@ -111,6 +111,8 @@ class Finding:
     stretched
         Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
         the gap goes, as a series that is fitted to a curve fails beyond its data.
+    shown
+        Whether tests left out show that these effects help. Several effects must, and one that leaves something.
     """
 
     effects: Sequence[str]
@@ -122,6 +124,7 @@ class Finding:
     removed: float = 0.0
     refuted: bool = False
     stretched: bool = False
+    shown: bool = True
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter."""
@@ -135,8 +138,9 @@ class Finding:
         unexplained = self.beyond_noise(settings) and self.left_share > limit
         if not self.significant or not (self.effects or unexplained):
             return "none"
-        if unexplained or self.refuted or self.stretched or not self.effects:
-            return "partly" if self.effects and self.removed >= settings.partly else "unknown"
+        doubted = self.refuted or self.stretched or (several and not self.shown)
+        if unexplained or doubted or not self.effects:
+            return "partly" if self.effects and self.shown and self.removed >= settings.partly else "unknown"
         return "several" if several else "group" if self.doubtful else "effect"
 
 
@@ -185,6 +189,7 @@ def conclude(
         removed=removed,
         refuted=held_out is not None and held_out.refutes,
         stretched=held_out is not None and several and len(best.families) == 1 and not held_out.reaches,
+        shown=held_out is None or held_out.shows_help,
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)

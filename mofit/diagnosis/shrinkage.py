@@ -204,6 +204,12 @@ class Shrinkage:
         return not self.ran_away and all(one.share > HALF for one in self.shares)
 
     @property
+    def shows_help(self) -> bool:
+        """Whether the 90 % interval of another test like these lies above nothing; of a single test it is unknown."""
+        alike = self.of("test")
+        return alike is None or alike.low > 0
+
+    @property
     def sentence(self) -> str:
         """The headline with its interval, and beside it the least demanding kind."""
         head, least = self.headline, self.shares[0]
