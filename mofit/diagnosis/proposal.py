@@ -128,9 +128,8 @@ def propose(
     main
         The model with the main cause, where there is one.
     """
-    noisy = with_discrepancy(
-        baseline.hypothesis.observed, rules.resolution * residual_map(baseline).relative, everywhere=True
-    )
+    alone = baseline.hypothesis.observed.without_stages()
+    noisy = with_discrepancy(alone, rules.resolution * residual_map(baseline).relative, everywhere=True)
     starts = [_again(one, noisy) for one in (baseline, main) if one is not None]
     nothing, trials = prediction_errors(starts[0]), list[Trial]()
     noise = np.minimum(noise_of_folds(noisy), nothing)  # of a short record it may be overestimated

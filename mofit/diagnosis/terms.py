@@ -124,7 +124,7 @@ def _of_one(x: Variable) -> Iterator[Term]:
         even = Form("a power of the magnitude of {x}", f"{_ROUND} ** ({{p}} / 2)", shape=exponent)
         yield from (Term(even, x, point=power) for power in _EVEN)
         width = Shape("width", "1", 1e-3, 1.0, "half the width over which it changes its sign, relative", "log")
-        yield from (Term(Form("the sign of {x}", "ca.tanh({x} / {p})", shape=width), x, point=w) for w in _WIDTHS)
+        yield from (Term(Form("the sign of {x}", "ca.fmin(ca.fmax({x} / {p}, -1), 1)", shape=width), x, point=w) for w in _WIDTHS)
         beyond = Shape("threshold", "1", 1e-3, 2.0, "where it begins on both sides, relative", "log")
         form = Form("{x} beyond a threshold", "(ca.fmax({x} - {p}, 0) - ca.fmax(-{x} - {p}, 0))", shape=beyond)
         yield from (Term(form, x, point=share) for share in _THRESHOLDS)

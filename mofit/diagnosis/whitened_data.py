@@ -19,7 +19,7 @@ from mofit.diagnosis.spectral_classes import CLASS_INDEX, classify, interference
 from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.parameters import ParameterSpace
-from mofit.problem import Problem
+from mofit.problem import FLAT, Problem
 from mofit.simulation import exciting_channel, objective_pairs
 from mofit.simulation.scoped_simulator import ScopedSimulator
 
@@ -84,6 +84,10 @@ class WhitenedData:
         values, vectors = np.linalg.eigh(precision)
         kept = values > 1e-12 * values.max()
         return mean, np.sqrt(values[kept])[:, None] * vectors[:, kept].T
+
+    def without_stages(self) -> WhitenedData:
+        """The same tests without what the stages tell: what a model lacks it may lack in their tests, too."""
+        return replace(self, problem=replace(self.problem, prior=FLAT), calibrations=())
 
     @cached_property
     def test(self) -> NDArray[np.int64]:
