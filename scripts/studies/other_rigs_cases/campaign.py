@@ -13,12 +13,11 @@ import numpy as np
 from mofit import Campaign, Experiment, Measurement, write_campaign
 from mofit._typing import FloatArray
 from other_rigs_cases.cases import CASES, RIGS, Case, Cell
-from other_rigs_cases.element import Element
 from other_rigs_cases.excitation import COUNT, SAMPLE, Test, held_out, planned
 from other_rigs_cases.noise import noise
 from other_rigs_cases.rig import Rig, Units
 from other_rigs_cases.strength import STRONG, WEAK, Specimen, Strength, strengthened
-from other_rigs_cases.tyre import SLOW_COUNT, SLOW_STEP, SPEED, STROKE, standing, stroke
+from other_rigs_cases.tyre import SLOW_COUNT, SLOW_STEP, SPEED, STROKE, stroke
 
 
 def name_of(cell: Cell, seed: int) -> str:
@@ -45,7 +44,7 @@ def make(cell: Cell, seed: int, folder: Path) -> str:
     stated = case.kind != "no encoder" and (case.effect == "wheel_order" or bool(rng.integers(2)))
     measured = [_measurement(rig, units, t, noisy[:, k], stated) for k, t in enumerate([*tests, *unseen])]
     if rig.rolling:
-        still = standing(values, Element(knobs, specimen.reach)) + strong.noise * noise(rng, cell.noise, SLOW_COUNT)
+        still = specimen.standing(knobs, values) + strong.noise * noise(rng, cell.noise, SLOW_COUNT)
         measured.insert(len(tests), _standing(still))
     seen, count = measured[: -len(unseen)], len(tests)
     parts = {"campaigns": seen, "held_out": measured[-len(unseen) : -1], "given": measured[-1:]}

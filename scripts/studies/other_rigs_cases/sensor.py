@@ -58,6 +58,15 @@ def recorded(
     return y[before * FINE :: FINE]
 
 
+def bent(y: FloatArray, knobs: Mapping[str, float], size: float) -> FloatArray:
+    """By an amplifier, whatever is measured with it."""
+    if share := knobs.get("knee"):
+        y = y - share * np.sign(y) * np.maximum(np.abs(y) - 0.4 * size, 0)
+    if share := knobs.get("dead_band"):
+        y = y - np.clip(y, -share * size, share * size)
+    return y
+
+
 def _lagging(y: FloatArray, lag: FloatArray) -> FloatArray:
     """Behind a first-order lag that may change with time; exact for an input that is linear between steps."""
     found, now = np.empty_like(y), y[0].copy()
@@ -83,10 +92,7 @@ def _disturbed(
     if share := knobs.get("wheel_order"):
         turned = np.stack([ROTATION * test.speed * time + test.angle for test in tests], axis=1)
         y = y + share * size * np.cos(turned)
-    if share := knobs.get("knee"):
-        y = y - share * np.sign(y) * np.maximum(np.abs(y) - 0.4 * size, 0)
-    if share := knobs.get("dead_band"):
-        y = y - np.clip(y, -share * size, share * size)
+    y = bent(y, knobs, size)
     if share := knobs.get("gain_walk"):
         count = COUNT + lead(tests)
         walk = np.cumsum(rng.normal(size=(count, len(tests))), axis=0) / np.sqrt(COUNT)

@@ -12,7 +12,7 @@ from other_rigs_cases.cases import Case
 from other_rigs_cases.element import Element, Reach
 from other_rigs_cases.excitation import COUNT, SAMPLE, Test
 from other_rigs_cases.rig import Motion, Rig, drive_of
-from other_rigs_cases.sensor import recorded, with_play
+from other_rigs_cases.sensor import bent, recorded, with_play
 from other_rigs_cases.tyre import standing
 
 #: noise relative to the range of the output; the least that a campaign may have
@@ -58,7 +58,7 @@ class Specimen:
         records = recorded(usual.output, tests * len(moved), {}, self.reach, np.random.default_rng(0))
         parts = np.split(records, len(moved), axis=1)
         self.level = LEVEL * float(np.median(np.ptp(parts[0][:, self.dynamic], axis=0)))
-        rows = [self._rows(part, bare, values) for part, values in zip(parts, moved, strict=True)]
+        rows = [self._rows(part, {}, values) for part, values in zip(parts, moved, strict=True)]
         self.usual = rows[0]
         columns = np.stack([(row - rows[0]) / np.linalg.norm(row - rows[0]) for row in rows[1:]], axis=1)
         self.basis = np.linalg.svd(columns, full_matrices=False)[0]
@@ -77,7 +77,7 @@ class Specimen:
         """Root mean square of what a refit leaves of the effect in the dynamic tests."""
         with np.errstate(all="ignore"):
             records = self.records(knobs, self.tests, np.random.default_rng(seed))
-            change = self._rows(records, Element(knobs, self.reach), self.values) - self.usual
+            change = self._rows(records, knobs, self.values) - self.usual
         if not np.all(np.isfinite(change)):
             return np.inf
         left = change - self.basis @ (self.basis.T @ change)
@@ -90,11 +90,15 @@ class Specimen:
             drive = replace(drive, u=u, v=v)
         return self.rig.respond(self.values, Element(knobs, self.reach), drive, knobs)
 
-    def _rows(self, records: FloatArray, hidden: Element, values: Mapping[str, float]) -> FloatArray:
+    def standing(self, knobs: Mapping[str, float], values: Mapping[str, float]) -> FloatArray:
+        """Record of the standing tyre, without noise."""
+        return bent(standing(values, Element(knobs, self.reach)), knobs, self.reach.output)
+
+    def _rows(self, records: FloatArray, knobs: Mapping[str, float], values: Mapping[str, float]) -> FloatArray:
         """Dynamic records, then the ends of steps and the standing tyre."""
         rows = [records[:, self.dynamic].T.ravel()]
         if self.rig.rolling:
-            rows += [records[-COUNT // 4 :, ~self.dynamic].T.ravel(), standing(values, hidden)]
+            rows += [records[-COUNT // 4 :, ~self.dynamic].T.ravel(), self.standing(knobs, values)]
         return np.concatenate(rows)
 
 
