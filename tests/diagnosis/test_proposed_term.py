@@ -3,31 +3,37 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
+import casadi as ca
 import numpy as np
 import pytest
 import strangers
 
 from mofit.cli import main
-from mofit.data import Campaign, write_campaign
+from mofit.data import Campaign, read_campaign, write_campaign
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
 from mofit.diagnosis.fitting import Fitted
-from mofit.diagnosis.inner_signals import inner_signals
+from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.pages import diagnosis_page
 from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.result import summary
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.term_curve import term_curves
+from mofit.diagnosis.terms import proposed, static_terms
 from mofit.identification.settings import Settings
 from mofit.models import build_system, find_effect, find_model, with_effects
 from mofit.problem import build_problem
 from mofit.runtime.progress import silent
 
+#: Simulated: sines, steps and a quasi-static test.
+PAPER = Path(__file__).parents[2] / "data" / "paper_campaign.nc"
 RULES, SETTINGS, SIMULATORS = DiagnosisSettings(), Settings(jobs=1), SimulatorCache()
 
 
@@ -157,6 +163,33 @@ def test_a_transducer_that_bends_shows_as_a_function_of_its_own_signal() -> None
 def test_a_dead_band_of_a_transducer_is_learnt() -> None:
     found = of_transducer("dead band")
     assert {one.name for one in found.effect.variables} == {"force"}
+    assert found.low > 0.95
+
+
+FORCE = Variable("force", "N", 100.0, -1.0, 1.0, is_output=True)
+
+
+def test_a_dead_band_is_a_saturation_less() -> None:
+    force = np.linspace(-100, 100, 401)
+    forms = [term for term in static_terms([FORCE]) if term.title == "the sign of force"]
+    effect = proposed(Target("force", "N", 100.0), [replace(forms[0], point=0.15)], [-15.0], ())
+    bent = [float(effect.apply(SimpleNamespace(size_1=-15.0, width_1=0.15), ca.SX(x)).value) for x in force]
+    np.testing.assert_allclose(bent, strangers.beyond(force, 15.0), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_transducer_bends_the_calibration_tests_too() -> None:
+    """Estimates from them are wrong with it, and would keep the right term away."""
+    given = read_campaign(PAPER)
+    measured = [
+        replace(one, outputs={name: y - 0.5 * strangers.beyond(y, 1000.0) for name, y in one.outputs.items()})
+        for one in given.measurements
+    ]
+    found = learnt(replace(given, measurements=tuple(measured)), "maxwell_tyre")
+    assert isinstance(found, Proposal), found
+    assert (found.target.name, only_title(found)) == ("lateral_force", "lateral_force beyond a threshold")
+    _, threshold = found.estimates
+    assert threshold.value * found.effect.variables[0].scale == pytest.approx(1000.0, rel=0.02)
     assert found.low > 0.95
 
 
