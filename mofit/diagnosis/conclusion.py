@@ -11,6 +11,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.effect_size import parameters_of, size_of
+from mofit.diagnosis.groups import follow_run_order
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import ResidualMap
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, rig_and_model, unexplained
@@ -112,7 +113,8 @@ class Finding:
         Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
         the gap goes, as a series that is fitted to a curve fails beyond its data.
     shown
-        Whether tests left out show that these effects help. Several effects must, and one that leaves something.
+        Whether tests left out show that these effects help, if they bend to whatever is there: several, or one that
+        follows the run order.
     """
 
     effects: Sequence[str]
@@ -173,6 +175,7 @@ def conclude(
     """
     best = found.best
     several = len(best.effects) > 1
+    bends = several or follow_run_order(best.fitted.hypothesis.effects)
     limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
     like_best = {id(one) for one in rivals}
     equal = tuple(one for one in found.models if one.effects and (one.criterion < limit or id(one) in like_best))
@@ -189,7 +192,7 @@ def conclude(
         removed=removed,
         refuted=held_out is not None and held_out.refutes,
         stretched=held_out is not None and several and len(best.families) == 1 and not held_out.reaches,
-        shown=held_out is None or held_out.shows_help,
+        shown=held_out is None or held_out.shows_help or not bends,
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)

@@ -51,12 +51,17 @@ def groups(observed: WhitenedData, effects: Iterable[Effect] = ()) -> list[Group
     return [Group(" and ".join(names), tests, tests == last) for tests, names in found.items()]
 
 
+def follow_run_order(effects: Iterable[Effect]) -> bool:
+    """Whether one of the effects does."""
+    return any(condition.name == "start_time" for effect in effects for condition in effect.conditions)
+
+
 def latest(observed: WhitenedData, effects: Iterable[Effect]) -> tuple[int, ...]:
     """Tests that begin last, if one of the effects follows the run order; none otherwise.
 
     Between tests that are fitted, a law of the time is interpolated, and follows whatever changes slowly.
     """
-    if not any(condition.name == "start_time" for effect in effects for condition in effect.conditions):
+    if not follow_run_order(effects):
         return ()
     starts = [measurement.experiment.start_time for measurement in observed.problem.measurements]
     known = np.array([np.nan if start is None else start for start in starts])
