@@ -76,8 +76,8 @@ def searched(start: Fitted, least: float) -> Trial:
     # where the records tell little of a state, the fitted motion is the better guess
     fitted = fitted_readings(own, own.targets())
     smoothed = smoothed_readings(fitted)
-    targets = _likely(start, fitted, smoothed, variables, least)
-    others, further = list[Trial](), list[Trial]()
+    targets, others = _likely(start, fitted, smoothed, variables, least)
+    further = list[Trial]()
     for readings in (fitted, [one for one in smoothed if one.motion is not own]):
         likely = [one for one in readings if one.target in targets]
         others += _tried(start, best, likely, [], variables, least)
@@ -107,12 +107,7 @@ def _tried(
     # of equals the first counts: the first quantity, and the shortest text
     order = [one.target for one in readings]
     promising.sort(key=lambda one: (order.index(one.target), sum(term.form.length for term in one.terms)))
-    here, wanted = best.fitted.minimum.point, []
-    for one in promising:
-        moved = here.copy()
-        moved[one.free] += one.shift
-        wanted.append(_Joint(one.target, (*present, *zip(one.terms, one.sizes, strict=True)), (moved, here)))
-    return _fitted(start, wanted)
+    return _fitted(start, [_Joint.of(one, best.fitted.minimum.point, present) for one in promising])
 
 
 def _selected(
@@ -133,15 +128,22 @@ def _likely(
     smoothed: Sequence[Reading],
     variables: Sequence[Variable],
     least: float,
-) -> list[Target]:
-    """The quantities on which a term without memory predicts best, in their order: those with memory are dear."""
+) -> tuple[list[Target], list[Trial]]:
+    """The quantities on which a term without memory predicts best, in their order: those with memory are dear.
+
+    To first order terms on many of them do about the same. So the best one of each is fitted jointly.
+    """
     targets = [one.target for one in fitted]
     if len(targets) <= _QUANTITIES:
-        return targets
+        return targets, []
     selected = _selected(start, [*fitted, *smoothed], static_terms(variables), least, 1)
-    errors = [min((one.error for one in own), default=np.inf) for own in selected]
-    best = np.argsort(np.min(np.reshape(errors, (2, -1)), axis=0), kind="stable")[:_QUANTITIES]
-    return [targets[k] for k in sorted(best)]
+    singles: dict[str, Selection] = {}
+    for one in sorted((one for own in selected for one in own), key=lambda one: one.error):
+        singles.setdefault(one.target.name, one)
+    trials = _fitted(start, [_Joint.of(one, start.minimum.point) for one in singles.values()])
+    best = [one.effect.target.name for one in sorted(trials, key=lambda one: one.error) if one.effect]
+    kept = list(dict.fromkeys([*best, *singles]))[:_QUANTITIES]
+    return [one for one in targets if one.name in kept], trials
 
 
 def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
@@ -199,6 +201,14 @@ class _Joint:
     target: Target
     terms: tuple[tuple[Term, float], ...]
     points: tuple[FloatArray, ...]
+
+    @classmethod
+    def of(cls, selection: Selection, here: FloatArray, present: Sequence[tuple[Term, float]] = ()) -> _Joint:
+        """What was selected at some parameters, beside terms that are present: from there, and from where it shifts."""
+        moved = here.copy()
+        moved[selection.free] += selection.shift
+        terms = (*present, *zip(selection.terms, selection.sizes, strict=True))
+        return cls(selection.target, terms, (moved, here))
 
     def beside(self, start: Fitted) -> tuple[TermEffect, Hypothesis]:
         """The terms as an effect, and the model with it."""
