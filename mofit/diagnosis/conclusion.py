@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import CandidateModel, probabilities, probabilities_of_causes
 from mofit.diagnosis.effect_size import parameters_of, size_of
+from mofit.diagnosis.grades import Finding, Verdict
 from mofit.diagnosis.groups import follow_run_order
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import ResidualMap
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, rig_and_model, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
-
-Verdict = Literal["none", "effect", "group", "several", "partly", "unknown"]
 
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
@@ -90,62 +88,6 @@ def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:
     return {name for one in sets for name in one if not all(name in other for other in sets)}
 
 
-@dataclass(frozen=True)
-class Finding:
-    """What the verdict depends on.
-
-    Parameters
-    ----------
-    effects
-        Names of the effects of the best model.
-    significant
-        Whether there is a gap.
-    left_p_value, left_of_peak, left_share
-        What the best model leaves: the p-value of its residual tests, its root mean square relative to the output's
-        peak in the worst test, its share of the gap's mean square.
-    doubtful
-        Whether other models are indistinguishable from the best.
-    removed
-        Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
-    refuted
-        Whether tests left out are no more probable with these effects, or some are far less.
-    stretched
-        Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
-        the gap goes, as a series that is fitted to a curve fails beyond its data.
-    shown
-        Whether tests left out show that these effects help, if they bend to whatever is there: several, or one that
-        follows the run order.
-    """
-
-    effects: Sequence[str]
-    significant: bool
-    left_p_value: float
-    left_of_peak: float
-    left_share: float
-    doubtful: bool = False
-    removed: float = 0.0
-    refuted: bool = False
-    stretched: bool = False
-    shown: bool = True
-
-    def beyond_noise(self, settings: DiagnosisSettings) -> bool:
-        """Whether what is left is significant, and large enough to matter."""
-        enough = self.left_of_peak > settings.residual_of_peak
-        return self.left_p_value < settings.residual_p_value and enough
-
-    def verdict(self, settings: DiagnosisSettings) -> Verdict:
-        """The verdict."""
-        several = len(self.effects) > 1
-        limit = settings.residual_share_of_several if several else settings.residual_share
-        unexplained = self.beyond_noise(settings) and self.left_share > limit
-        if not self.significant or not (self.effects or unexplained):
-            return "none"
-        doubted = self.refuted or self.stretched or (several and not self.shown)
-        if unexplained or doubted or not self.effects:
-            return "partly" if self.effects and self.shown and self.removed >= settings.partly else "unknown"
-        return "several" if several else "group" if self.doubtful else "effect"
-
-
 def conclude(
     found: Attribution,
     before: ResidualMap,
@@ -175,7 +117,6 @@ def conclude(
     """
     best = found.best
     several = len(best.effects) > 1
-    bends = several or follow_run_order(best.fitted.hypothesis.effects)
     limit = best.criterion + (settings.indistinguishable_of_several if several else settings.indistinguishable)
     like_best = {id(one) for one in rivals}
     equal = tuple(one for one in found.models if one.effects and (one.criterion < limit or id(one) in like_best))
@@ -192,7 +133,8 @@ def conclude(
         removed=removed,
         refuted=held_out is not None and held_out.refutes,
         stretched=held_out is not None and several and len(best.families) == 1 and not held_out.reaches,
-        shown=held_out is None or held_out.shows_help or not bends,
+        shown=held_out is None or held_out.shows_help,
+        in_time=follow_run_order(best.fitted.hypothesis.effects),
     )
     share = left_share if share is None else share
     verdict = finding.verdict(settings)
@@ -208,7 +150,8 @@ def conclude(
         if finding.refuted:
             near = refuted(titles, contradicting)
         else:
-            near = nearest(titles, share) if laws else unexplained(found.best_residuals, after.unit)
+            unconfirmed = finding.stretched or finding.unshown
+            near = nearest(titles, share, unconfirmed) if laws else unexplained(found.best_residuals, after.unit)
         sentence = f"None of the known effects explains the gap{near}."
     else:
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]

@@ -62,7 +62,8 @@ class Proposal:
     fitted
         The model with them, its final estimates.
     removed, low, high
-        Share of the gap that goes on tests left out, of the model without any effect; 90 % interval.
+        Share of the gap that goes on tests left out, of the model without any effect that these tests alone determine;
+        90 % interval.
     observed
         The same against the measured samples themselves.
     held_out

@@ -61,10 +61,11 @@ def left_over(share: float, location: Location | None) -> str:
     return f"{left}, most of it {place or f'in {location.test}'}"
 
 
-def nearest(titles: Sequence[str], share: float) -> str:
-    """How much the best model leaves of a gap that it does not explain."""
+def nearest(titles: Sequence[str], share: float, unconfirmed: bool = False) -> str:
+    """How much the best model leaves of a gap that it does not explain, and whether tests left out confirm it."""
     percent, doubt = (f"{100 * share:.0f}", "") if round(100 * share) else ("less than 0.5", ", which is significant")
-    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}"
+    held_out = ", but tests left out do not confirm it" if unconfirmed else ""
+    return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}{held_out}"
 
 
 def refuted(titles: Sequence[str], contradicting: Sequence[str]) -> str:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mofit.diagnosis.conclusion import Finding, NamedEffect, doubtful_effects, in_order
+from mofit.diagnosis.conclusion import NamedEffect, doubtful_effects, in_order
+from mofit.diagnosis.grades import Finding
 from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.residual_tests import Residuals, ResidualTest
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, unexplained
@@ -210,11 +211,17 @@ def test_a_family_that_all_candidates_share_is_named_without_doubt():
         (("drift",), 0.3, 0.1, "partly"),
         (("drift",), 0.3, -0.1, "unknown"),
         (("drift",), 0.0, -0.1, "effect"),
+        (("dry_friction",), 0.3, -0.1, "partly"),
         (("dry_friction", "delay"), 0.0, 0.1, "several"),
         (("dry_friction", "delay"), 0.0, -0.1, "unknown"),
     ],
 )
-def test_effects_that_bend_to_whatever_is_there_must_be_seen_to_help(effects, left, low, verdict):
+def test_flexible_causes_must_be_seen_to_help(effects, left, low, verdict):
     found = Shrinkage((Share("test", 0.8, low, 0.9, 0.8, ()),))
-    finding = Finding(effects, True, 1e-9, 0.01, left, removed=0.8, shown=found.shows_help)
+    finding = Finding(effects, True, 1e-9, 0.01, left, removed=0.8, shown=found.shows_help, in_time="drift" in effects)
     assert finding.verdict(DiagnosisSettings()) == verdict
+
+
+def test_what_tests_left_out_do_not_confirm_is_told():
+    told = nearest(["drift", "payne"], 0.01, unconfirmed=True)
+    assert told == nearest(["drift", "payne"], 0.01) + ", but tests left out do not confirm it"
