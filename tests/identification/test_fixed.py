@@ -29,6 +29,7 @@ def campaign():
     return Campaign("damper", "simulated", {}, tuple(tests))
 
 
+@pytest.mark.slow
 def test_a_baseline_with_every_parameter_fixed_is_identified_freely(campaign, tmp_path):
     fixed = {name: TRUTH[name] for name in ("c", "p", "d", "F_0")}
     few = SampleSettings(max_steps=40, min_rounds=1, max_rounds=1)  # the posterior is not asked for

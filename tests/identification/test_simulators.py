@@ -86,7 +86,7 @@ def test_where_the_limit_ends_it_the_error_of_the_emulator_says_whether_it_is_tr
     assert Lagging.name == "lagging"
 
 
-@pytest.mark.parametrize("allowed", [240, 400, 600])
+@pytest.mark.parametrize("allowed", [240, *(pytest.param(number, marks=pytest.mark.slow) for number in (400, 600))])
 def test_few_simulations_end_in_a_result_whatever_their_number(allowed):
     """Search, descents, wider ranges and emulator share what there is."""
     modes = find_modes(campaign(*RIG), lagging_simulator(), Settings(seed=1, jobs=1, simulations=allowed))

@@ -124,7 +124,9 @@ def disturbance(kind, rng, signal):
     return white[100:]
 
 
-@pytest.mark.parametrize("kind", ["white", "autoregressive", "level"])
+@pytest.mark.parametrize(
+    "kind", ["white", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("autoregressive", "level"))]
+)
 def test_scatter_of_the_slope_is_found_from_one_record(kind, rng):
     """Its estimate, averaged over records, is the covariance that many records show."""
     time = 0.01 * np.arange(COUNT)

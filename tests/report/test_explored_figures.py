@@ -118,6 +118,7 @@ def test_a_draw_that_is_clicked_shows_its_signals(browser, report) -> None:
         assert set(shown(traces, draw)) == {f"draw {page.evaluate('choices.now.draw')}"}
 
 
+@pytest.mark.slow
 def test_a_firefly_that_is_clicked_shows_its_signals(browser, report) -> None:
     with opened(browser, report, viewport={"width": 1200, "height": 1400}) as page:
         traces, swarm = drawn(page, "signals", TRACES), drawn(page, "search", SWARM)
@@ -208,6 +209,7 @@ def test_print_and_pages_without_scripts_show_the_pictures(browser, report) -> N
         page.wait_for_function("[...document.images].every(image => image.complete && image.naturalWidth > 100)")
 
 
+@pytest.mark.slow
 def test_every_figure_says_what_it_shows_and_every_axis_its_unit(browser, report) -> None:
     """Of an axis with ticks by name, or of densities, there is no unit."""
     assert report.stat().st_size < 6e6

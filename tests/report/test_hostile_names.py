@@ -34,6 +34,7 @@ def hostile_tree():
     )
 
 
+@pytest.mark.slow
 def test_pages_show_them_as_text(tmp_path):
     tree = hostile_tree()
     write_result(tree, tmp_path)

@@ -21,7 +21,7 @@ from mofit.optimize import merge, refine
 from mofit.simulation import experiment_data
 
 #: causes that are compared in every run of the tests; the others in the long ones
-QUICK = ("quadratic_damping", "springpot", "contact_patch_lag")
+QUICK = ("quadratic_damping", "contact_patch_lag")
 
 
 def made(tmp_path, slot):
@@ -29,7 +29,7 @@ def made(tmp_path, slot):
     return tmp_path / f"{slot.campaign}.nc"
 
 
-@pytest.mark.parametrize("number", range(3), ids=NOISES)
+@pytest.mark.parametrize("number", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))], ids=NOISES)
 def test_without_effect_the_model_is_right(tmp_path, number):
     slot = Slot(31, "none", "", number)
     path = made(tmp_path, slot)
