@@ -20,7 +20,7 @@ _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_to
 _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=20)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fitted:
     """A hypothesis at its minimum, the value of which is half the sum of all whitened squares, prior included.
 

@@ -12,7 +12,8 @@ from mofit.diagnosis.beside import refitted
 from mofit.diagnosis.candidate_model import CandidateModel, doubt_of_constants, rated
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
 from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.residual_tests import Residuals, residual_tests
+from mofit.diagnosis.left_residual import Residuals
+from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy

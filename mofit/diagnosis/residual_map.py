@@ -10,7 +10,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.gap_lines import beyond_noise
-from mofit.diagnosis.residual_tests import Remainder
+from mofit.diagnosis.left_residual import Remainder
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.results import cochran

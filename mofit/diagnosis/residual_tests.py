@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,95 +11,32 @@ from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
 from mofit.data.signals import thin_svd
-from mofit.diagnosis.fitting import Fitted, Projection, project
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.left_residual import Remainder, Residuals, ResidualTest
 from mofit.diagnosis.spectral_classes import HARMONICS, SPECTRAL_CLASSES, SUBHARMONICS, highest_frequency
+from mofit.diagnosis.term_score import best_term
 from mofit.diagnosis.whitened_data import WhitenedData
 
 #: Harmonics whose change with frequency is tested one by one, and the degree of the polynomial in log frequency that
 #: such a change follows.
 _SMOOTH_HARMONICS, _SMOOTH_DEGREE = 5, 2
-#: p-value, corrected for the number of tests, below which an entry of a residual map or a residual test is listed.
-LISTED = 0.01
-#: Test names that need other words than "NAME in all tests together".
-_PHRASES = {one.name: one.phrase for one in SPECTRAL_CLASSES} | {
-    "harmonic 0": "the constant in all tests together",
-    "past inputs": "a part that past inputs predict",
-    "highest rotating line": "a rotational order in one test",
-    "highest slow line": "a slow change in one test",
-    "highest other line": "a single line in one test",
-}
-
-
-@dataclass(frozen=True)
-class ResidualTest:
-    """One test for a gap.
-
-    Parameters
-    ----------
-    name
-        What is tested.
-    statistic, degrees_of_freedom
-        Sum of whitened squares and its expectation without a gap.
-    p_value
-        Of such a sum without a gap, the noise being estimated.
-    squares
-        Mean square per test of what the lines tested hold beyond the noise, in the output's unit²; (tests,).
-    frequency
-        Of the line that is highest in all tests together, Hz; nan for another test.
-    """
-
-    name: str
-    statistic: float
-    degrees_of_freedom: float
-    p_value: float
-    squares: FloatArray
-    frequency: float = np.nan
-
-    @property
-    def description(self) -> str:
-        """What was seen, for sentences."""
-        if np.isfinite(self.frequency):
-            return f"a line of {self.frequency:.3g} Hz in all tests together"
-        if self.name.startswith("order "):
-            return f"lines at {self.name[6:]} of the excitation frequency"
-        return _PHRASES.get(self.name, f"{self.name} in all tests together")
-
-    @property
-    def rms(self) -> float:
-        """Root mean square over all tests, in the output's unit; what leaks past the lines tested is not in it."""
-        return float(np.sqrt(max(float(np.mean(self.squares)), 0.0)))
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """All residual tests of a fit.
-
-    Parameters
-    ----------
-    tests
-        The most significant first.
-    p_value
-        Of the most significant one, corrected for their number (Bonferroni).
-    """
-
-    tests: tuple[ResidualTest, ...]
-    p_value: float
-
-    def significant(self, p_value: float) -> tuple[ResidualTest, ...]:
-        """Those below a p-value, corrected for their number."""
-        return tuple(one for one in self.tests if one.p_value * len(self.tests) < p_value)
-
-    def squares(self, p_value: float) -> FloatArray:
-        """Mean square per test (tests,) of the largest gap that is significant; zeros if none is.
-
-        In a sum over all lines a gap on lines with little noise would be hidden by the noise of the others.
-        """
-        found = [one.squares for one in self.significant(p_value)]
-        return max(found, key=np.sum, default=np.zeros_like(self.tests[0].squares) if self.tests else np.zeros(1))
+#: p-value from which on another test changes no decision.
+_BEYOND_DOUBT = 1e-9
+#: Of a fit: asked for more than once.
+_known: WeakKeyDictionary[Fitted, Residuals] = WeakKeyDictionary()
 
 
 def residual_tests(fitted: Fitted) -> Residuals:
-    """Test the residual of a fitted hypothesis, class by class, harmonic by harmonic and line by line."""
+    """Test the residual of a fitted hypothesis: class by class, harmonic by harmonic, line by line, term by term.
+
+    Terms take the longest: they are not asked where the others leave no doubt.
+    """
+    if fitted not in _known:
+        _known[fitted] = _tested(fitted)
+    return _known[fitted]
+
+
+def _tested(fitted: Fitted) -> Residuals:
     left = Remainder.of(fitted)
     observed = left.observed
     classes = [one.name for one in SPECTRAL_CLASSES if observed.of(one.name).any()]
@@ -110,65 +47,10 @@ def residual_tests(fitted: Fitted) -> Residuals:
         found.append(_columns_test(left, "past inputs", observed.predicting))
     found += [_highest_line(left, name) for name in ("rotating", "slow", "other") if name in classes]
     found += _common_frequency(left)
+    if min((one.p_value for one in found if np.isfinite(one.p_value)), default=1.0) > _BEYOND_DOUBT:
+        found += _term_test(left, fitted)
     found = sorted((one for one in found if np.isfinite(one.p_value)), key=lambda one: one.p_value)
     return Residuals(tuple(found), min(1.0, found[0].p_value * len(found)) if found else 1.0)
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """What the parameters of a fitted hypothesis leave of the residual.
-
-    Parameters
-    ----------
-    observed, projection
-        The tests, and the projector of the fit.
-    residual, expected
-        Residual beside the parameters, and what noise alone makes of its square; rows of the tests (m,).
-    told
-        What of the residual can be told from noise, (m,).
-    """
-
-    observed: WhitenedData
-    projection: Projection
-    residual: FloatArray
-    expected: FloatArray
-    told: FloatArray
-
-    @classmethod
-    def of(cls, fitted: Fitted) -> Remainder:
-        """Of a fit."""
-        observed, projection = fitted.hypothesis.observed, project(fitted)
-        rows = len(observed.measured)
-        residual = projection.residual[:rows]
-        return cls(observed, projection, residual, 1 - projection.leverage[:rows], observed.told(residual))
-
-    def power_test(self, name: str, where: NDArray[np.bool_]) -> ResidualTest:
-        """F test of the power of some rows (m,)."""
-        expected = self.expected * self.observed.visible
-        total, count = float(np.sum(self.told[where] ** 2)), float(expected[where].sum())
-        p = self.p_value(total, count, where * expected) if count >= 0.5 else np.nan
-        return ResidualTest(name, total, count, p, self.squares(where, self.expected))
-
-    def p_value(self, total: float, count: float, weight: FloatArray) -> float:
-        """Of a sum of squares with so many degrees of freedom, of rows with these weights (m,).
-
-        Rows of one record share a noise estimate, records do not (Satterthwaite); but constants are extrapolated alike
-        in all records, from how the noise grows towards zero frequency.
-        """
-        record, constant = self.observed.record, self.observed.line == 0
-        # few lines known badly make a sum uncertain, however well the others are known
-        inverse = weight / self.observed.degrees_of_freedom
-        own = np.bincount(record, weight) @ np.bincount(record, inverse)
-        levels, unsure = constant * weight, constant * inverse
-        between = levels.sum() * unsure.sum() - np.bincount(record, levels) @ np.bincount(record, unsure)
-        behind = float(weight.sum() ** 2 / (own + between))
-        return float(fisher.sf(total / count, count, behind))
-
-    def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
-        """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²; see `sizes`."""
-        beyond = self.told**2 - expected * self.observed.visible
-        power = where * beyond * self.observed.told_variance
-        return np.asarray(np.bincount(self.observed.test, power, len(self.observed.problem.tests)), dtype=np.float64)
 
 
 def _half_orders(observed: WhitenedData) -> Iterator[tuple[int, NDArray[np.bool_]]]:
@@ -252,6 +134,22 @@ def _columns_test(left: Remainder, name: str, columns: FloatArray) -> ResidualTe
     return ResidualTest(name, statistic, count, p, left.squares(power > 0, left.expected))
 
 
+def _term_test(left: Remainder, fitted: Fitted) -> Iterator[ResidualTest]:
+    """Test of the term that fits best, corrected for the number of terms."""
+    one = best_term(fitted, left.projection)
+    if one is None:
+        return
+    observed, squares = left.observed, one.rows**2
+    p = _corrected(left.p_value(one.statistic, 1.0, squares), one.tried)
+    size = np.asarray(np.bincount(observed.test, squares * observed.told_variance, len(observed.problem.tests)), float)
+    yield ResidualTest("own signals", one.statistic, 1.0, p, size)
+
+
+def _corrected(p_value: float, tried: int) -> float:
+    """The smallest p-value of several tests, corrected for their number."""
+    return float(-np.expm1(tried * np.log1p(-p_value)))
+
+
 def _highest_line(left: Remainder, name: str) -> ResidualTest:
     """Test of the highest line of a class, corrected for the number of lines."""
     observed, where = left.observed, left.observed.of(name)
@@ -261,6 +159,6 @@ def _highest_line(left: Remainder, name: str) -> ResidualTest:
     behind = np.bincount(index, observed.degrees_of_freedom[where]) / parts
     p = fisher.sf(power / parts, parts, behind)
     best = int(np.argmin(p))
-    corrected = float(-np.expm1(len(lines) * np.log1p(-p[best])))
     squares = left.squares(key == lines[best])
+    corrected = _corrected(p[best], len(lines))
     return ResidualTest(f"highest {name} line", float(power[best]), float(parts[best]), corrected, squares)

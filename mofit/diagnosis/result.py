@@ -11,12 +11,12 @@ import numpy as np
 from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.conclusion import Conclusion
 from mofit.diagnosis.gap_under_conditions import GapUnder
+from mofit.diagnosis.left_residual import LISTED, Residuals
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.next_experiment import NextExperiment
 from mofit.diagnosis.proposal import Proposal
 from mofit.diagnosis.records import page_records
 from mofit.diagnosis.residual_map import Homogeneity, ResidualMap
-from mofit.diagnosis.residual_tests import LISTED, Residuals
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.shrinkage import Share, Shrinkage
 from mofit.diagnosis.term_curve import term_curves

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.residual_map import Location
-from mofit.diagnosis.residual_tests import Residuals
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 
 #: An effect in words: its family and its own title.

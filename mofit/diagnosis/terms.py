@@ -109,13 +109,14 @@ _TIMES = 7
 def static_terms(variables: Sequence[Variable]) -> list[Term]:
     """Functions of one signal, and products of two."""
     return [
-        *(term for x in variables for term in _of_one(x)),
+        *(term for x in variables for term in functions_of(x)),
         *(term for x in variables for y in variables if x is not y for term in _of_two(x, y)),
         *(Term(Form("{x} times {y}", "{x} * {y}"), x, y) for x, y in combinations(variables, 2)),
     ]
 
 
-def _of_one(x: Variable) -> Iterator[Term]:
+def functions_of(x: Variable) -> Iterator[Term]:
+    """Functions of one signal."""
     yield Term(Form("{x}", "{x}"), x)
     exponent = Shape("exponent", "1", 0.05, 8.0, "its exponent", "log")
     odd = Form("{x} times a power of its magnitude", f"{{x}} * {_ROUND} ** (({{p}} - 1) / 2)", shape=exponent)

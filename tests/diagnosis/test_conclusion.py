@@ -7,8 +7,8 @@ import pytest
 
 from mofit.diagnosis.conclusion import NamedEffect, doubtful_effects, in_order
 from mofit.diagnosis.grades import Finding
+from mofit.diagnosis.left_residual import Residuals, ResidualTest
 from mofit.diagnosis.residual_map import Location
-from mofit.diagnosis.residual_tests import Residuals, ResidualTest
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import HoldOut, Share, Shrinkage

@@ -8,9 +8,9 @@ from damper_rig import damper_fit
 
 from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.model_search import Attribution, attribute, best_extensions
 from mofit.diagnosis.refit import is_reliable, settled
-from mofit.diagnosis.residual_tests import Residuals
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.models import find_effect
 from mofit.optimize import Minimum
