@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import factorial
 
 import casadi as ca
@@ -79,8 +80,9 @@ class LinearResponse:
         for first in range(0, len(self.advance), count):
             steps = slice(first, min(first + count, len(self.advance)))
             ends = slice(steps.start + 1, steps.stop + 1)
-            drive = self.driven[first : ends.stop, :, quantity, None] * added[first : ends.stop, None]
-            states = self.here[steps] @ drive[:-1] + self.there[steps] @ drive[1:]
+            driven = self.driven[first : ends.stop, :, quantity, None]
+            here, there = self.here[steps] @ driven[:-1], self.there[steps] @ driven[1:]
+            states = here * added[steps, None] + there * added[ends, None]
             for k, advance in enumerate(self.advance[steps]):
                 states[k] += advance @ state
                 state = states[k]
@@ -116,11 +118,8 @@ class Linearised:
 def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray]:
     """Values (n, rows, columns) of a function of vectors; an argument is (n, size), or (size,) where it is constant."""
     count = len(arguments[0])
-    names = [f"i{k}" for k in range(len(arguments))]
-    symbols = [ca.SX.sym(name, *function.size_in(k)) for k, name in enumerate(names)]
-    dense = ca.Function("dense", symbols, [ca.densify(one) for one in function.call(symbols)])
     # through buffers: CasADi's own matrices are converted element by element
-    buffer, evaluate = dense.map(count).buffer()
+    buffer, evaluate = _mapped(function, count).buffer()
     given = [np.ascontiguousarray(np.broadcast_to(one, (count, one.shape[-1])), dtype=float) for one in arguments]
     found = [np.zeros((count, *reversed(function.size_out(k)))) for k in range(function.n_out())]
     for k, one in enumerate(given):
@@ -129,6 +128,13 @@ def at_samples(function: ca.Function, *arguments: FloatArray) -> list[FloatArray
         buffer.set_res(k, one.data)  # type: ignore[call-arg]
     evaluate()
     return [one.transpose(0, 2, 1) for one in found]
+
+
+@lru_cache(maxsize=16)
+def _mapped(function: ca.Function, count: int) -> ca.Function:
+    """The function of so many samples at once, with dense results: tests are as long as one another."""
+    symbols = [ca.SX.sym(f"i{k}", *function.size_in(k)) for k in range(function.n_in())]
+    return ca.Function("dense", symbols, [ca.densify(one) for one in function.call(symbols)]).map(count)
 
 
 def phi_functions(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -180,14 +180,16 @@ def attribute(
     state = state.singly(scores, settings.promising, progress)
     if promising_only:
         return _attribution(nothing, state)
-    if residual_tests(state.best.fitted).p_value < settings.residual_p_value:
+    # the little that one effect leaves is what its law misses
+    explained = not _leaves_more(state, settings.residual_share)
+    if not explained and residual_tests(state.best.fitted).p_value < settings.residual_p_value:
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right, and the minimum
         # may lie far beyond the size that its score lets expect
         state = state.singly(scores, settings.relaxed_promising, progress).beyond(scores, progress)
     if _leaves_more(state, 1 - settings.partly, settings.doubt):
         # no cause of most of the gap is among them: scores say nothing of effects so strong that they bend everything
         state = state.all_singly(scores, progress)
-    for count in range(1, settings.most_effects):
+    for count in range(1, 2 if explained else settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0
         state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
@@ -200,7 +202,7 @@ def _attribution(begun: Attribution, state: _Search) -> Attribution:
     return replace(begun, models=state.models, best_residuals=residual_tests(state.best.fitted), accounts=accounts)
 
 
-def _leaves_more(state: _Search, share: float, doubt: float) -> bool:
+def _leaves_more(state: _Search, share: float, doubt: float = 0.0) -> bool:
     """Whether the best model leaves more than this share of the baseline's whitened squares beyond the noise.
 
     The gain is known well, the whole only as far as the noise's own squares are: it may be less by ``doubt`` of their
