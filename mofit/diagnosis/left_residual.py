@@ -19,7 +19,6 @@ LISTED = 0.01
 _PHRASES = {one.name: one.phrase for one in SPECTRAL_CLASSES} | {
     "harmonic 0": "the constant in all tests together",
     "past inputs": "a part that past inputs predict",
-    "own signals": "a part that depends on the model's own signals",
     "highest rotating line": "a rotational order in one test",
     "highest slow line": "a slow change in one test",
     "highest other line": "a single line in one test",
@@ -42,6 +41,8 @@ class ResidualTest:
         Mean square per test of what the lines tested hold beyond the noise, in the output's unit²; (tests,).
     frequency
         Of the line that is highest in all tests together, Hz; nan for another test.
+    law
+        The function of the model's own signals that fits best, in words; empty for another test.
     """
 
     name: str
@@ -50,12 +51,15 @@ class ResidualTest:
     p_value: float
     squares: FloatArray
     frequency: float = np.nan
+    law: str = ""
 
     @property
     def description(self) -> str:
         """What was seen, for sentences."""
         if np.isfinite(self.frequency):
             return f"a line of {self.frequency:.3g} Hz in all tests together"
+        if self.law:
+            return f"a part like {self.law}"
         if self.name.startswith("order "):
             return f"lines at {self.name[6:]} of the excitation frequency"
         return _PHRASES.get(self.name, f"{self.name} in all tests together")

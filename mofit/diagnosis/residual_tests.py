@@ -142,7 +142,8 @@ def _term_test(left: Remainder, fitted: Fitted) -> Iterator[ResidualTest]:
     observed, squares = left.observed, one.rows**2
     p = _corrected(left.p_value(one.statistic, 1.0, squares), one.tried)
     size = np.asarray(np.bincount(observed.test, squares * observed.told_variance, len(observed.problem.tests)), float)
-    yield ResidualTest("own signals", one.statistic, 1.0, p, size)
+    law = f"{one.term.title}, added to {one.target.name}"
+    yield ResidualTest("own signals", one.statistic, 1.0, p, size, law=law)
 
 
 def _corrected(p_value: float, tried: int) -> float:
