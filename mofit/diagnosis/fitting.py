@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
-from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum
 from mofit.identification.widening import MOST, WORTH, beyond_ends
 from mofit.optimize import Minimum, RefineSettings
 
@@ -18,8 +18,6 @@ from mofit.optimize import Minimum, RefineSettings
 _REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
 #: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
 _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=20)
-#: Share of what a fit lacks of the limit that it must gain in wider ranges for still wider ones to be tried.
-_HOPELESS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +168,8 @@ def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
             break
         starts = beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides)
         again = fit(wider, starts, limit)
-        lacking = found.minimum.value - 0.5 * limit if np.isfinite(limit) else 0.0
-        if found.minimum.value - again.minimum.value <= max(WORTH, _HOPELESS * lacking):
+        lacking = found.minimum.value - 0.5 * limit
+        if found.minimum.value - again.minimum.value <= max(WORTH, HOPELESS * lacking):
             break
         found = again
     return found

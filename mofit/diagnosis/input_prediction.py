@@ -191,9 +191,10 @@ def _functions(
     lags = np.concatenate([[0.0], np.geomspace(min(w.step for _, w in own), longest, _LAGS - 1)])
     scaled = [standard for group in groups if (standard := _standardised(group, own)) is not None]
     decays = _decaying(observed, own)
-    for place, (_, w) in enumerate(own):
+    for place, (test, w) in enumerate(own):
         order = 2 * place / max(len(own) - 1, 1) - 1
-        found = [_of_signal(signals[place], w, lags, order) for signals in scaled]
+        found = [np.empty((len(simulated[test]), 0))]  # constant inputs predict nothing
+        found += [_of_signal(signals[place], w, lags, order) for signals in scaled]
         found += [_slipping(signals[place], w, order) for signals in scaled if decays]
         yield np.concatenate(found, axis=1)
 

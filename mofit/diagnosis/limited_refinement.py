@@ -15,7 +15,7 @@ from mofit.optimize.levenberg_marquardt import Evaluate
 _FIRST, _PACE = 2, 8
 #: Share of what a start lacks of the limit that a Newton step must promise, and the last iterations must have gained:
 #: with less, hardly anything will change.
-_HOPELESS = 0.05
+HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
 
@@ -47,9 +47,9 @@ class _Hopes:
         if self.iterations >= _FIRST:
             promised = _promised(gradients, hessians)
             best = np.min(values, initial=np.inf, where=np.isfinite(values))
-            on &= (promised > _HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
+            on &= (promised > HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
         if len(self.before) == _PACE:
-            on &= self.before[0] - values > _HOPELESS * (values - self.limit)
+            on &= self.before[0] - values > HOPELESS * (values - self.limit)
         self.before.append(values)
         self.iterations += 1
         return on

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import InnerSignals, Target, stacked
+from mofit.diagnosis.integration import stable
 from mofit.diagnosis.linear_response import LinearResponse, at_samples, phi_functions
 from mofit.diagnosis.terms import Term, block
 
@@ -64,6 +65,11 @@ class Columns:
     terms: tuple[Term, ...]
     rows: FloatArray
     beside: Linearisation
+
+    @property
+    def usable(self) -> list[int]:
+        """Which terms do something, and do not diverge."""
+        return [k for k, rows in enumerate(self.rows.T) if stable(rows) and np.any(rows)]
 
 
 def term_columns(readings: Sequence[Reading], terms: Sequence[Term]) -> Iterator[Columns]:

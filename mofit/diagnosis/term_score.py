@@ -14,15 +14,13 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted, Projection
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
-from mofit.diagnosis.integration import stable
 from mofit.diagnosis.smoothed_motion import fitted_readings
 from mofit.diagnosis.term_rows import term_columns
+from mofit.diagnosis.term_selection import LEAST_LEFT
 from mofit.diagnosis.terms import Term, functions_of
 
-#: Every so-manieth shape of a form is tried: neighbours explain much the same.
+#: One of so many shapes of a form is tried: neighbours explain much the same.
 _EVERY = 2
-#: Share of its squares that must be left of a term beside the parameters.
-_LEAST_LEFT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -58,11 +56,11 @@ def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
     best: tuple[float, Target, Term, FloatArray] | None = None
     tried = 0
     for columns in term_columns(readings, _thinned(signals.variables())):
-        usable = [k for k in range(len(columns.terms)) if stable(columns.rows[:, k]) and np.any(columns.rows[:, k])]
+        usable = columns.usable
         rows = columns.rows[:, usable] / np.linalg.norm(columns.rows[:, usable], axis=0)
         left = projection.apply(rows)
         squares = np.sum(left**2, axis=0)
-        fresh = squares > _LEAST_LEFT
+        fresh = squares > LEAST_LEFT**2
         along = left.T @ projection.residual
         scores = np.where(fresh, along**2 / np.where(fresh, squares, 1.0), 0.0)
         tried += int(fresh.sum())

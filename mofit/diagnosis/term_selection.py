@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target
-from mofit.diagnosis.integration import stable
 from mofit.diagnosis.term_rows import Columns, Linearisation
 from mofit.diagnosis.terms import Term
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -26,7 +25,7 @@ _BLOCKS = 5
 #: Share of fits to the other folds in an estimate of prediction errors.
 _EFRON = 0.632
 #: Share of its length that must be left of a column beside the parameters' and those chosen.
-_LEAST_LEFT = 1e-3
+LEAST_LEFT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ def selections(observed: WhitenedData, columns: Columns, least: float, most: int
     within ``least`` squares; and every form alone, at the best of its shapes. The best first.
     """
     beside, rows = columns.beside, len(observed.measured)
-    usable = [k for k in range(len(columns.terms)) if stable(columns.rows[:, k]) and np.any(columns.rows[:, k])]
+    usable = columns.usable
     size = np.linalg.norm(columns.rows[:, usable], axis=0)
     own = [beside.slopes[:rows], columns.rows[:, usable] / size, beside.residual[:rows, None]]
     grams, total = fold_products(observed, np.concatenate(own, axis=1))
@@ -140,7 +139,7 @@ def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_St
     for _ in range(min(most, len(length))):
         last = steps[-1]
         power = np.diag(last.left)[:-1]
-        fresh = power > _LEAST_LEFT**2 * length
+        fresh = power > LEAST_LEFT**2 * length
         fresh[list(last.chosen)] = False
         gain = np.where(fresh, last.left[:-1, -1] ** 2 / np.where(fresh, power, 1.0), 0.0)
         if not np.any(gain > 0):

@@ -67,6 +67,7 @@ def campaign(seed: int, colour: float, extra: float = 0.0) -> Campaign:
 
 
 SETTINGS = Settings(fixed={"p": 0.0, "c_M": 0.0, "d_M": 100.0}, jobs=1, evaluations=200)
+SETTINGS_HELD = Settings(jobs=1, evaluations=200)
 
 
 def baseline(data: Campaign) -> Fitted:
@@ -134,3 +135,12 @@ def test_friction_under_coloured_noise_is_a_gap_and_named() -> None:
     assert alone
     assert alone.low < alone.observed + 0.05
     assert alone.share > 0.9
+
+
+def test_a_constant_input_predicts_nothing(rng: np.random.Generator) -> None:
+    held = {"displacement": np.full(COUNT, 0.01), "velocity": np.zeros(COUNT)}
+    force = STIFFNESS * held["displacement"] + rng.standard_normal(COUNT)
+    units = {"displacement": "m", "velocity": "m/s", "force": "N"}
+    only = Measurement(Experiment("hold", "free", np.arange(COUNT) / RATE, held, {}), {"force": force}, units)
+    found = diagnose(Campaign("held still", "simulated", {}, (only,)), "kelvin_voigt_damper", settings=SETTINGS_HELD)
+    assert found.conclusion.verdict == "none"
