@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +13,16 @@ from mofit.diagnosis.whitened_data import WhitenedData
 
 def record_signals(
     observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_], records: Iterable[int] | None = None
-) -> list[FloatArray]:
+) -> Iterator[FloatArray]:
     """Columns of whitened rows (m, k) as signals (n, k) of all records or some, those rows that are kept.
 
     Relative to the range of the output and the root of n: sums of squares are relative mean squares.
     """
-    found = []
     for i in range(len(observed.records)) if records is None else records:
         w = observed.records[i][2]
         here = observed.record == i
         columns = np.where(kept[here, None], rows[here], 0.0).T
-        signals = np.stack([w.signal(column) for column in columns], axis=1)
-        found.append(signals / (observed.ranges[i] * np.sqrt(w.count)))
-    return found
+        yield w.signal(columns).T / (observed.ranges[i] * np.sqrt(w.count))
 
 
 def mean_squares(observed: WhitenedData, rows: FloatArray, kept: NDArray[np.bool_]) -> FloatArray:

@@ -24,7 +24,7 @@ def predicted_share(baseline: Fitted, added: Sequence[FloatArray], remainder: bo
     observed, rows = baseline.hypothesis.observed, len(baseline.hypothesis.observed.measured)
     model, both, residuals = beside_nuisances(baseline, added)
     told = observed.told(np.column_stack([residuals[:rows], both[:rows]]))
-    signals = record_signals(observed, told, observed.explainable)
+    signals = list(record_signals(observed, told, observed.explainable))
     gap, uncertain, left = 0.0, 0.0, 0.0
     for t in range(len(observed.problem.tests)):
         fitted_to = np.ones(len(model), dtype=bool)

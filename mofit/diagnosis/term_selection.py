@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target
+from mofit.diagnosis.mean_squares import record_signals
 from mofit.diagnosis.term_rows import Columns, Linearisation
 from mofit.diagnosis.terms import Term
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -194,10 +195,8 @@ def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArr
     tests = len(observed.problem.tests)
     blocks = 1 if tests > 1 else _BLOCKS + 1
     found = np.zeros((tests * blocks, columns.shape[1], columns.shape[1]))
-    for i, (test, _, w) in enumerate(observed.records):
-        here = observed.record == i
-        kept = np.where(observed.explainable[here, None], columns[here], 0.0)
-        signals = np.stack([w.signal(column) for column in kept.T], axis=1) / (observed.ranges[i] * np.sqrt(w.count))
+    signals_of_records = record_signals(observed, columns, observed.explainable)
+    for (test, _, _), signals in zip(observed.records, signals_of_records, strict=True):
         for block, part in enumerate(np.array_split(signals, blocks)):
             found[test * blocks + block] += part.T @ part
     return found if tests > 1 else found[1:], found.sum(axis=0)

@@ -123,11 +123,12 @@ class Whitening:
         return np.moveaxis(parts, -1, -2)
 
     def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
-        """Rows of one signal (rows,) as complex lines (n // 2 + 1,)."""
+        """Rows of signals (..., rows) as complex lines (..., n // 2 + 1)."""
         lines = self.count // 2 + 1
-        parts = np.zeros(2 * lines)
-        parts[self._rows] = rows
-        return np.asarray(parts[:lines] + 1j * parts[lines:])
+        found = np.zeros((*rows.shape[:-1], lines), dtype=complex)
+        found.real = rows[..., :lines]
+        found.imag[..., 1 : rows.shape[-1] - lines + 1] = rows[..., lines:]
+        return found
 
     def noise_rows(self, values: FloatArray) -> FloatArray:
         """Rows of the aperiodic part of a signal (samples,), whatever number of samples a period has."""
@@ -138,7 +139,7 @@ class Whitening:
         return self.rows(noise[:, None])[:, 0]
 
     def signal(self, rows: FloatArray) -> FloatArray:
-        """The inverse of `rows`, for one signal: (rows,) to the used samples (n,)."""
+        """The inverse of `rows`: white rows (..., rows) of signals as their used samples (..., n)."""
         values = fft.irfft(self.white_lines(rows) / self._scale, self.count)
         return np.asarray((values if self.periods else self._filter.undo(values)) * self.process.level)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Set
+import heapq
+from collections.abc import Callable, Hashable, Iterator, Set
 from itertools import count
+from operator import itemgetter
 from threading import Lock
 from typing import Any, Generic, Protocol, TypeVar
 from weakref import WeakSet
@@ -58,14 +60,12 @@ class TableCache(Generic[T]):
         self._kept.clear()
         self._bytes = 0
 
-    def _oldest(self) -> tuple[int, Hashable] | None:
-        """Last use and name of the longest unused table."""
-        return next(((call, name) for name, (_, call) in self._kept.items()), None)
+    def _by_use(self) -> Iterator[tuple[int, Hashable, TableCache[T]]]:
+        """Last use and name of every table, the longest unused first, and this cache."""
+        return ((call, name, self) for name, (_, call) in self._kept.items())
 
-    def _drop(self, name: Hashable) -> int:
-        freed = self._kept.pop(name)[0].nbytes
-        self._bytes -= freed
-        return freed
+    def _drop(self, name: Hashable) -> None:
+        self._bytes -= self._kept.pop(name)[0].nbytes
 
 
 _caches: WeakSet[TableCache[Any]] = WeakSet()
@@ -81,13 +81,15 @@ def drop_tables() -> None:
 def _room_for(needed: int, own: TableCache[Any], used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
     caches = list(_caches)
-    room = KEPT_BYTES - sum(cache._bytes for cache in caches)
-    while room < needed:
-        oldest = [(found, cache) for cache in caches if (found := cache._oldest())]
-        # this call has used the last ones of its own cache: where the first is among them, all are
-        spare = [(*found, cache) for found, cache in oldest if cache is not own or found[1] not in used]
-        if not spare:
-            return False
-        _, name, cache = min(spare, key=lambda entry: entry[0])
-        room += cache._drop(name)
+    room, spare = KEPT_BYTES - sum(cache._bytes for cache in caches), list[tuple[TableCache[Any], Hashable]]()
+    for _, name, cache in heapq.merge(*(cache._by_use() for cache in caches), key=itemgetter(0)):
+        if room >= needed:
+            break
+        if cache is not own or name not in used:
+            room += cache._kept[name][0].nbytes
+            spare.append((cache, name))
+    if room < needed:
+        return False
+    for cache, name in spare:
+        cache._drop(name)
     return True

@@ -193,7 +193,7 @@ def _division(emit: Emitter, value: ir.Value, factor: ir.Value, _: ir.Value) -> 
 def peak_rate(operation: Operation, repeats: int = 20, clock: Callable[[], float] = time.perf_counter) -> float:
     """An operation on doubles per second: 16 independent chains of full registers, best of ``repeats``."""
     chains, rounds = 16, 200_000
-    emit = Emitter([PTR], host().width, host().fma)
+    emit = Emitter([PTR], host().width, host())
     (data,) = emit.run.args
     factor, offset = emit.constant(0.999999), emit.constant(1e-6)
 
@@ -204,7 +204,7 @@ def peak_rate(operation: Operation, repeats: int = 20, clock: Callable[[], float
     for chain, value in enumerate(emit.loop(emit.integer(rounds), start, body)):
         emit.store(value, data, chain * host().width)
     text = emit.text()
-    code = compile_entry(text, lambda: text, (), ctypes.CFUNCTYPE(None, ctypes.c_void_p))
+    code = compile_entry(text, lambda: text, ctypes.CFUNCTYPE(None, ctypes.c_void_p))
     values = np.ones(chains * host().width)
     best = np.inf
     for _ in range(repeats):

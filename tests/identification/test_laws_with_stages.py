@@ -64,6 +64,7 @@ def files(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_a_stage_is_fitted_with_the_laws(files, tmp_path, capsys):
     laws = ["--law", "c_y=linear", "--law", "others=constant"]
     given = [*files, "--model", "kelvin_voigt_tyre", *FIXED, "--over", "vertical_force", *laws]

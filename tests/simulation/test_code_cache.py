@@ -30,7 +30,7 @@ def place(tmp_path, monkeypatch):
 
 
 def twice(x):
-    code = compile_entry("twice", lambda: TWICE, (), SIGNATURE)  # the code lives as long as this
+    code = compile_entry("twice", lambda: TWICE, SIGNATURE)  # the code lives as long as this
     return code.entry(x)
 
 
@@ -45,14 +45,14 @@ def test_code_is_kept_and_used(place):
 def test_another_graph_has_a_file_of_its_own(place):
     assert twice(1.5) == 3.0
     thrice = TWICE.replace("fadd double %x, %x", "fmul double %x, 3.0")
-    code = compile_entry("thrice", lambda: thrice, (), SIGNATURE)
+    code = compile_entry("thrice", lambda: thrice, SIGNATURE)
     assert code.entry(1.5) == 4.5
     assert len(list(place.iterdir())) == 2
 
 
 def test_a_kept_module_is_not_written_again(place):
     assert twice(1.5) == 3.0
-    code = compile_entry("twice", lambda: pytest.fail("written again"), (), SIGNATURE)
+    code = compile_entry("twice", lambda: pytest.fail("written again"), SIGNATURE)
     assert code.entry(2.0) == 4.0
 
 

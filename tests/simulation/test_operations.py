@@ -56,6 +56,15 @@ def test_unary_operation(name, lanes, rng):
     np.testing.assert_array_equal(np.signbit(ours[zero]), np.signbit(theirs[zero]))
 
 
+@pytest.mark.parametrize("name", UNARY)
+def test_a_value_does_not_depend_on_its_neighbours(name, rng):
+    x = ca.SX.sym("x")
+    function = ca.Function("f", [x], [UNARY[name](x)])
+    points = rng.permutation(np.concatenate([SPECIAL, rng.normal(size=18)]))[None]
+    alone = [evaluate_function(function, points[:, [k]])[0, 0] for k in range(points.shape[1])]
+    np.testing.assert_array_equal(evaluate_function(function, points)[0], alone)
+
+
 @pytest.mark.parametrize("lanes", [1, 4])
 @pytest.mark.parametrize("name", BINARY)
 def test_binary_operation(name, lanes, rng):

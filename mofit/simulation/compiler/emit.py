@@ -8,17 +8,14 @@ from collections.abc import Callable, Iterable, Sequence
 import casadi as ca
 from llvmlite import ir
 
+from mofit.simulation.compiler.machine import LIBM, Host
 from mofit.simulation.compiler.program import FMA, FMS, FNMA, Node, Program
 
 F64, I64, PTR = ir.DoubleType(), ir.IntType(64), ir.PointerType()
 _ATTRIBUTES = '{ nounwind "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
 
-#: operations that call the C mathematics library lane by lane
-LIBM_NAMES = tuple(
-    "acos acosh asin asinh atan atan2 atanh cos cosh erf exp expm1 fmod hypot log log1p pow remainder sin sinh tan "
-    "tanh".split()
-)
-LIBM = {getattr(ca, f"OP_{name.upper()}"): name for name in LIBM_NAMES} | {ca.OP_CONSTPOW: "pow"}
+#: operations that call the C mathematics library
+_CALLS = {getattr(ca, f"OP_{name.upper()}"): name for name in LIBM} | {ca.OP_CONSTPOW: "pow"}
 _COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "=="}
 _INTRINSIC = {
     ca.OP_SQRT: "sqrt", ca.OP_FABS: "fabs", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_COPYSIGN: "copysign",
@@ -33,12 +30,12 @@ Body = Callable[[ir.Value, list[ir.Value]], list[ir.Value]]
 class Emitter:
     """Writes a module with one function ``run`` of ``arguments`` (their types), which returns nothing.
 
-    A vector holds ``lanes`` parameter sets. With ``fma`` the host rounds a multiply-add once; else it is a product and
-    a sum.
+    A vector holds ``lanes`` parameter sets. Where the host has ``fma``, a multiply-add is rounded once; else it is a
+    product and a sum.
     """
 
-    def __init__(self, arguments: Sequence[ir.Type], lanes: int, fma: bool) -> None:
-        self.lanes, self.fma = lanes, fma
+    def __init__(self, arguments: Sequence[ir.Type], lanes: int, host: Host) -> None:
+        self.lanes, self.host = lanes, host
         self.module = ir.Module(name="run")
         self.run = ir.Function(self.module, ir.FunctionType(ir.VoidType(), arguments), "run")
         self.builder = ir.IRBuilder(self.run.append_basic_block("entry"))
@@ -109,7 +106,7 @@ class Emitter:
 
     def multiply_add(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
         """``a * b + c``."""
-        if self.fma:
+        if self.host.fma:
             return self._intrinsic("fma", a, b, c)
         return self.builder.fadd(self.builder.fmul(a, b), c)
 
@@ -129,8 +126,8 @@ class Emitter:
             return self._number(build.fcmp_ordered(_COMPARE[op], *args))
         if op in _INTRINSIC:
             return self._intrinsic(_INTRINSIC[op], *args)
-        if op in LIBM:
-            return self._per_lane(LIBM[op], *args)
+        if op in _CALLS:
+            return self._called(_CALLS[op], *args)
         return _RULES[op](self, *args)
 
     def _number(self, mask: ir.Value) -> ir.Value:
@@ -151,6 +148,23 @@ class Emitter:
         if name in self.module.globals:
             return self.module.globals[name]
         return ir.Function(self.module, ir.FunctionType(kind, [kind] * count), name)
+
+    def _called(self, name: str, *args: ir.Value) -> ir.Value:
+        """A function of the C mathematics library: of a register at a time where it can, else lane by lane."""
+        if name not in self.host.libmvec:
+            return self._per_lane(name, *args)
+        width, none = self.host.width, ir.Constant(self.type, ir.Undefined)
+        function = self._declare(f"libmvec_{name}", ir.VectorType(F64, width), len(args))
+        result = ir.Constant(self.type, ir.Undefined)
+        for first in range(0, self.lanes, width):
+            # fewer lanes than fill a register: the last is repeated
+            taken = [min(first + place, self.lanes - 1) for place in range(width)]
+            mask = ir.Constant(ir.VectorType(ir.IntType(32), width), taken)
+            found = self.builder.call(function, [self.builder.shuffle_vector(arg, none, mask) for arg in args])
+            for lane in range(first, min(first + width, self.lanes)):
+                scalar = self.builder.extract_element(found, self.integer(lane - first))
+                result = self.builder.insert_element(result, scalar, self.integer(lane))
+        return result
 
     def _per_lane(self, name: str, *args: ir.Value) -> ir.Value:
         function = self._declare(f"libm_{name}", F64, len(args))
@@ -184,7 +198,7 @@ class Emitter:
         )
         size = self._intrinsic("fabs", x)
         half = build.fmul(build.fsub(self.constant(1.0), size), self.constant(0.5))
-        tail = self._intrinsic("sqrt", build.fneg(self._per_lane("log", half)))
+        tail = self._intrinsic("sqrt", build.fneg(self._called("log", half)))
         outer = build.fdiv(
             polynomial(tail, (-1.970840454, -1.62490649, 3.429567803, 1.641345311)),
             polynomial(tail, (1.0, 3.543889200, 1.637067800)),
@@ -192,9 +206,9 @@ class Emitter:
         inner = build.fcmp_ordered("<=", size, self.constant(0.7))
         z = build.select(inner, central, self._intrinsic("copysign", outer, x))
         for _ in range(2):
-            gauss = self._per_lane("exp", build.fneg(build.fmul(z, z)))
+            gauss = self._called("exp", build.fneg(build.fmul(z, z)))
             derivative = build.fmul(self.constant(2.0 / math.sqrt(math.pi)), gauss)
-            z = build.fsub(z, build.fdiv(build.fsub(self._per_lane("erf", z), x), derivative))
+            z = build.fsub(z, build.fdiv(build.fsub(self._called("erf", z), x), derivative))
         edge = build.fcmp_ordered(">=", size, self.constant(1.0))
         beyond = build.fcmp_ordered(">", size, self.constant(1.0))
         infinite = self._intrinsic("copysign", self.constant(math.inf), x)
@@ -223,4 +237,4 @@ _RULES: dict[int, Callable[..., ir.Value]] = {
 }
 
 #: every operation of a program
-OPERATIONS = frozenset([*_RULES, *_COMPARE, *_INTRINSIC, *LIBM, ca.OP_CONST, ca.OP_INPUT])
+OPERATIONS = frozenset([*_RULES, *_COMPARE, *_INTRINSIC, *_CALLS, ca.OP_CONST, ca.OP_INPUT])

@@ -10,7 +10,7 @@ import numpy as np
 from llvmlite import ir
 
 from mofit._typing import FloatArray
-from mofit.simulation.compiler.emit import I64, LIBM_NAMES, PTR, Emitter
+from mofit.simulation.compiler.emit import I64, PTR, Emitter
 from mofit.simulation.compiler.machine import Code, compile_entry, host
 from mofit.simulation.compiler.program import Program
 
@@ -39,12 +39,12 @@ def evaluate(program: Program, points: Sequence[FloatArray], lanes: int = 8) -> 
 @lru_cache(maxsize=256)
 def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
     what = ("evaluate", program.digest, sizes, lanes)
-    return compile_entry(what, lambda: _text(program, sizes, lanes), LIBM_NAMES, _SIGNATURE)
+    return compile_entry(what, lambda: _text(program, sizes, lanes), _SIGNATURE)
 
 
 def _text(program: Program, sizes: tuple[int, ...], lanes: int) -> str:
     offsets = np.cumsum([0, *sizes])
-    emit = Emitter([PTR, PTR, I64, I64], lanes, host().fma)
+    emit = Emitter([PTR, PTR, I64, I64], lanes, host())
     source, target, blocks, stride = emit.run.args
     roots = [index for group in program.outputs for index in group]
 

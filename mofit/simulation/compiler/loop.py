@@ -10,7 +10,7 @@ from functools import lru_cache
 from casadi import OP_CONST
 from llvmlite import ir
 
-from mofit.simulation.compiler.emit import F64, I64, LIBM_NAMES, PTR, Emitter
+from mofit.simulation.compiler.emit import F64, I64, PTR, Emitter
 from mofit.simulation.compiler.machine import Code, compile_entry, host
 from mofit.simulation.compiler.program import LANE, Split
 
@@ -74,13 +74,13 @@ def compile_loop(sample: Split, substep: Split | None, shape: Shape, reduce: boo
     squares, else it stores the outputs of every sample.
     """
     what = ("loop", sample.digest, substep and substep.digest, shape, reduce, lanes)
-    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), LIBM_NAMES, _SIGNATURE)
+    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), _SIGNATURE)
 
 
 class _Loop:
     def __init__(self, sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int) -> None:
         self.sample, self.substep, self.shape, self.reduce, self.lanes = sample, substep, shape, reduce, lanes
-        self.emit = Emitter([PTR, I64, PTR], lanes, host().fma)
+        self.emit = Emitter([PTR, I64, PTR], lanes, host())
         self.build = self.emit.builder
 
     def text(self) -> str:

@@ -14,7 +14,7 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -31,6 +31,10 @@ CACHE_VARIABLE = "MOFIT_KERNEL_CACHE"
 MOST_FILES = 5000
 #: Then room is made for one in so many.
 _SPARE = 10
+#: Functions of the C mathematics library that code may call, with the number of their arguments.
+LIBM = dict.fromkeys(
+    "acos acosh asin asinh atan atanh cos cosh erf exp expm1 log log1p sin sinh tan tanh".split(), 1
+) | dict.fromkeys("atan2 fmod hypot pow remainder".split(), 2)
 _DIGEST = sha256().digest_size
 _serial = itertools.count()
 _lock = threading.RLock()
@@ -38,13 +42,18 @@ _lock = threading.RLock()
 
 @dataclass(frozen=True)
 class Host:
-    """The local machine for LLVM: ``width`` doubles in a register; ``name`` identifies processor and features."""
+    """The local machine for LLVM: ``width`` doubles in a register; ``name`` identifies processor and features.
+
+    ``libmvec`` are addresses of the C mathematics library's functions of whole registers, by the scalar ones' names;
+    empty where it has none (glibc has them on x86).
+    """
 
     machine: llvm.TargetMachine
     jit: llvm.LLJIT
     width: int
     fma: bool
     name: str
+    libmvec: Mapping[str, int]
 
 
 @cache
@@ -66,15 +75,30 @@ def host() -> Host:
         )
 
     jit = llvm.create_lljit_compiler(machine(), use_jit_link=False)
-    name = f"{triple} {cpu} {features.flatten()}"
-    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True, name)
+    isa = {8: "e", 4: "d" if features.get("avx2") else "c", 2: "b"}[width]
+    libmvec = _libmvec(f"_ZGV{isa}N{width}") if x86 else {}
+    name = f"{triple} {cpu} {features.flatten()} {' '.join(libmvec)}"
+    return Host(machine(), jit, width, bool(features.get("fma")) if x86 else True, name, libmvec)
+
+
+def _libmvec(prefix: str) -> dict[str, int]:
+    """Addresses of the vector functions that there are; their names say the registers and the number of arguments."""
+    try:
+        library = ctypes.CDLL("libmvec.so.1")
+    except OSError:
+        return {}
+    found = {name: getattr(library, f"{prefix}{'v' * count}_{name}", None) for name, count in LIBM.items()}
+    return {name: _address(function) for name, function in found.items() if function is not None}
 
 
 @cache
 def libm_address(name: str) -> int:
     """Address of a function of the C mathematics library."""
-    library = ctypes.CDLL(ctypes.util.find_library("m") or None)
-    return int(ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0)
+    return _address(getattr(ctypes.CDLL(ctypes.util.find_library("m") or None), name))
+
+
+def _address(function: ctypes._CFuncPtr) -> int:  # type: ignore[name-defined]
+    return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
 
 @dataclass(frozen=True)
@@ -85,7 +109,7 @@ class Code:
     entry: ctypes._CFuncPtr  # type: ignore[name-defined]
 
 
-def compile_entry(what: object, text: Callable[[], str], libm: Iterable[str], signature: type) -> Code:
+def compile_entry(what: object, text: Callable[[], str], signature: type) -> Code:
     """Compile LLVM IR whose entry function is ``run``, or load its code from the cache.
 
     Parameters
@@ -93,17 +117,18 @@ def compile_entry(what: object, text: Callable[[], str], libm: Iterable[str], si
     what
         All that decides the text, apart from this package and the processor; known by its ``repr``.
     text
-        Writes the module, if needed.
-    libm
-        Functions of the C mathematics library that it may call, as ``libm_<name>``.
+        Writes the module, if needed. It may call the functions of `LIBM` as ``libm_<name>``, and those of the host's
+        ``libmvec`` as ``libmvec_<name>``.
     signature
         The ctypes type of ``run``.
     """
     with _lock:
         target = host()
         library = llvm.JITLibraryBuilder().add_object_img(_object(what, text, target)).export_symbol("run")
-        for name in libm:
+        for name in LIBM:
             library.import_symbol(f"libm_{name}", libm_address(name))
+        for name, address in target.libmvec.items():
+            library.import_symbol(f"libmvec_{name}", address)
         tracker = library.link(target.jit, f"mofit_{next(_serial)}")
         return Code(tracker, signature(tracker["run"]))
 
