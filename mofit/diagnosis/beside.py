@@ -68,7 +68,9 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
     def tell(number: int) -> None:
         progress("score test", number, len(effects), effects[number].name)
 
-    found = forked_map(sent, effects, processes(fitted), tell=tell)
+    # what has states of its own takes the most steps
+    stateful = [effect for effect in effects if effect.states]
+    found = forked_map(sent, effects, processes(fitted), stateful, tell)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
@@ -91,8 +93,8 @@ def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress:
     def tell(number: int) -> None:
         progress("refit", number, len(added), " + ".join([*present, added[number].name]))
 
-    models = list[Fitted | str]()
-    for one, found in zip(added, forked_map(sent, added, processes(fitted), tell=tell), strict=True):
+    models, stateful = list[Fitted | str](), [one for one in added if one.effect.states]
+    for one, found in zip(added, forked_map(sent, added, processes(fitted), stateful, tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,16 @@ from mofit.diagnosis.grades import Finding, Verdict
 from mofit.diagnosis.groups import follow_run_order
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import ResidualMap
-from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, rig_and_model, unexplained
+from mofit.diagnosis.sentences import (
+    cause,
+    contradicted,
+    left_over,
+    nearest,
+    refuted,
+    replaced,
+    rig_and_model,
+    unexplained,
+)
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 
@@ -81,6 +90,12 @@ class Conclusion:
         """Names of the effects that these data cannot distinguish; empty if there is no doubt."""
         doubtful = doubtful_effects([one.effects for one in self.indistinguishable])
         return tuple(effect.name for effect in self.effects if effect.name in doubtful)
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether no family is in all of the indistinguishable models: none of the causes is sure."""
+        sets = [one.families for one in self.indistinguishable]
+        return bool(sets) and not frozenset.intersection(*map(frozenset, sets))
 
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:
@@ -161,6 +176,16 @@ def conclude(
         sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))
+
+
+def replaced_by_term(conclusion: Conclusion) -> Conclusion:
+    """`unknown` in place of a main cause in doubt, instead of which a term is proposed."""
+    best = conclusion.indistinguishable[0].effects
+    nearest_ones, others = (
+        [one.title for one in conclusion.effects if (one.name in best) == chosen] for chosen in (True, False)
+    )
+    sentence = f"None of the known effects explains the gap{replaced(nearest_ones, others)}."
+    return replace(conclusion, verdict="unknown", sentence=sentence)
 
 
 def _left(

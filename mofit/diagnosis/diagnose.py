@@ -14,7 +14,7 @@ from mofit.diagnosis.accounts import Account
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidate_model import share_left
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
-from mofit.diagnosis.conclusion import Conclusion, conclude
+from mofit.diagnosis.conclusion import Conclusion, conclude, replaced_by_term
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.gap_under_conditions import gaps_under_conditions
 from mofit.diagnosis.integration import SimulatorCache
@@ -131,10 +131,10 @@ def _diagnosed(
     first = investigate(baseline, chosen, rules, settings.seed, progress)
     observed = first.found.baseline.hypothesis.observed
     case, ending = _graded(first, observed, chosen, records, settings.seed, progress)
-    found, conclusion = ending.found, ending.conclusion
     proposed = _proposed(first, case, ending, settings.seed, progress)
     if isinstance(proposed, Proposal):
-        conclusion = replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}")
+        ending = _with_term(ending, proposed)
+    found, conclusion = ending.found, ending.conclusion
     complete = all_simulated(observed.problem)
     if not complete:
         conclusion = replace(conclusion, sentence=f"{SIMULATIONS_SPENT} {conclusion.sentence}")
@@ -246,6 +246,15 @@ def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Pro
         return "it was not asked for"
     main = ending.found.best.fitted if verdict == "partly" else None
     return propose(first.found.baseline, main, case.settings, seed, progress)
+
+
+def _with_term(ending: _Ending, proposed: Proposal) -> _Ending:
+    """The ending with the term in its sentence; a cause in doubt that the term replaces is none."""
+    conclusion = ending.conclusion
+    if proposed.instead and conclusion.in_doubt:
+        conclusion = replaced_by_term(conclusion)
+        ending = replace(ending, shrinkage=None, reason="a term explains the gap better than the nearest known effect")
+    return replace(ending, conclusion=replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}"))
 
 
 def _unpooled(model: Model) -> Model:

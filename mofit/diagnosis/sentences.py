@@ -76,6 +76,12 @@ def refuted(titles: Sequence[str], contradicting: Sequence[str]) -> str:
     return f". Tests left out in turn are predicted no better with {near}"
 
 
+def replaced(titles: Sequence[str], others: Sequence[str]) -> str:
+    """That the best model cannot be told from others, and that a term explains more without it."""
+    doubt = f"cannot be told from {' or '.join(others)}"
+    return f". The nearest, {' with '.join(titles)}, {doubt}, and a term explains more without it"
+
+
 def contradicted(contradicting: Sequence[str], laws: int = 1) -> str:
     """That tests left out contradict the laws of main causes; empty if none does."""
     if not contradicting:

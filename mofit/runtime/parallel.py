@@ -87,7 +87,8 @@ def forked_map(
     if processes < 2 or not may_fork():
         return [awaited(number, partial(function, item)) for number, item in enumerate(items)]
     with _forked(processes, _remember_as_one_of, lambda number: function(items[number])) as pool:
-        order = sorted(range(len(items)), key=lambda number: not first or items[number] not in first)
+        longest = {id(item) for item in first}
+        order = sorted(range(len(items)), key=lambda number: id(items[number]) not in longest)
         answers = {number: _answer(pool, partial(function, items[number]), _compute, number) for number in order}
         return [awaited(number, answers[number]) for number in range(len(items))]
 

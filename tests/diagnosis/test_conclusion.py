@@ -1,11 +1,12 @@
 """When a gap counts as explained: what is left must be significant, large enough, and more than models may leave."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mofit.diagnosis.conclusion import NamedEffect, doubtful_effects, in_order
+from mofit.diagnosis.conclusion import Conclusion, NamedEffect, doubtful_effects, in_order, replaced_by_term
 from mofit.diagnosis.grades import Finding
 from mofit.diagnosis.left_residual import Residuals, ResidualTest
 from mofit.diagnosis.residual_map import Location
@@ -225,3 +226,32 @@ def test_flexible_causes_must_be_seen_to_help(effects, left, low, verdict):
 def test_what_tests_left_out_do_not_confirm_is_told():
     told = nearest(["drift", "payne"], 0.01, unconfirmed=True)
     assert told == nearest(["drift", "payne"], 0.01) + ", but tests left out do not confirm it"
+
+
+def like(*sets):
+    """A main cause, indistinguishable from others, whose families are named as their effects."""
+    models = tuple(SimpleNamespace(effects=one, families=frozenset(one)) for one in sets)
+    effects = tuple(named(name, 0.5, False) for name in dict.fromkeys(name for one in sets for name in one))
+    return Conclusion("partly", "One causes most of the gap.", effects, (), models, 0.06, ())
+
+
+@pytest.mark.parametrize(
+    ("sets", "in_doubt"),
+    [
+        ((("compliance",),), False),
+        ((("compliance",), ("gain",)), True),
+        ((("compliance", "drift"), ("drift", "gain")), False),
+        ((), False),
+    ],
+)
+def test_a_cause_is_in_doubt_if_no_family_is_sure(sets, in_doubt):
+    assert like(*sets).in_doubt == in_doubt
+
+
+def test_a_cause_in_doubt_that_a_term_replaces_is_none():
+    found = replaced_by_term(like(("compliance",), ("gain",)))
+    assert found.verdict == "unknown"
+    assert found.sentence == (
+        "None of the known effects explains the gap. The nearest, compliance, cannot be told from gain, and a term "
+        "explains more without it."
+    )
