@@ -6,8 +6,9 @@ are the same for any number of processes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from mofit._typing import FloatArray
@@ -15,7 +16,7 @@ from mofit.diagnosis.candidates import Candidate, prepare
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import hypothesis
-from mofit.diagnosis.refit import NotFittedError, refit
+from mofit.diagnosis.refit import NotFittedError, refit, refit_from
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.models import Effect
 from mofit.optimize import Minimum
@@ -79,28 +80,46 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
 
 def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress: Progress) -> list[Fitted | str]:
     """The refit with each of the added effects, or why there is none; see `mofit.diagnosis.refit.refit`."""
-    old = fitted.hypothesis
-    present = [effect.name for effect in old.effects]
+    present = fitted.hypothesis.effects
+    wanted = [_Wanted((*present, one.effect), partial(refit, fitted, one, limit)) for one in added]
+    return _fits(fitted, wanted, progress)
 
-    def sent(one: ScoreTest) -> tuple[list[_Sent], int, Minimum, FloatArray, FloatArray] | str:
+
+def refitted_from(models: Sequence[Fitted], other: Fitted, limit: float, progress: Progress) -> list[Fitted | str]:
+    """The models fitted again from where another one ended, or why not; see `mofit.diagnosis.refit.refit_from`."""
+    wanted = [_Wanted(one.hypothesis.effects, partial(refit_from, one, other, limit)) for one in models]
+    return _fits(other, wanted, progress)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A fit, and its effects."""
+
+    effects: tuple[Effect, ...]
+    fit: Callable[[], Fitted]
+
+
+def _fits(fitted: Fitted, wanted: Sequence[_Wanted], progress: Progress) -> list[Fitted | str]:
+    """The fits to the tests of a fitted model."""
+
+    def sent(one: _Wanted) -> tuple[list[_Sent], int, Minimum, FloatArray, FloatArray] | str:
         try:
-            found = refit(fitted, one, limit)
+            found = one.fit()
         except NotFittedError as error:
             return str(error)
         parts = [_Sent.of(part) for part in found.hypothesis.discrepancies]
         return parts, found.hypothesis.steps, found.minimum, found.residual, found.jacobian
 
     def tell(number: int) -> None:
-        progress("refit", number, len(added), " + ".join([*present, added[number].name]))
+        progress("refit", number, len(wanted), " + ".join(effect.name for effect in wanted[number].effects))
 
-    models, stateful = list[Fitted | str](), [one for one in added if one.effect.states]
-    for one, found in zip(added, forked_map(sent, added, processes(fitted), stateful, tell), strict=True):
+    models, stateful = list[Fitted | str](), [one for one in wanted if one.effects[-1].states]
+    for one, found in zip(wanted, forked_map(sent, wanted, processes(fitted), stateful, tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue
         parts, steps, minimum, residual, jacobian = found
-        effects = (*old.effects, one.effect)
-        discrepancies = [part.of_effect(effect) for part, effect in zip(parts, effects, strict=True)]
-        model = hypothesis(old.observed, discrepancies).with_steps(steps)
+        discrepancies = [part.of_effect(effect) for part, effect in zip(parts, one.effects, strict=True)]
+        model = hypothesis(fitted.hypothesis.observed, discrepancies).with_steps(steps)
         models.append(Fitted(model, minimum, residual, jacobian))
     return models

@@ -15,13 +15,14 @@ from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidate_model import share_left
 from mofit.diagnosis.candidates import choose_effects, ranged, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude, replaced_by_term
+from mofit.diagnosis.final_estimates import with_final_estimates
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.gap_under_conditions import gaps_under_conditions
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.main_cause import Case, investigate, main_causes, rivals, stands_out
 from mofit.diagnosis.measured_shrinkage import measured_shrinkage
 from mofit.diagnosis.missing_laws import missing_laws
-from mofit.diagnosis.model_search import Attribution, with_final_estimates
+from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.motion_scales import motion_scales
 from mofit.diagnosis.next_experiment import next_experiment
 from mofit.diagnosis.notes import at_ends, at_most, of_noise, of_tests

@@ -15,9 +15,10 @@ from mofit.optimize import Minimum, RefineSettings
 
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
-_REFINE = RefineSettings(max_iterations=40, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
+#: Curved valleys take a hundred iterations; a fit that leads nowhere ends by its pace (`best_minimum`).
+_REFINE = RefineSettings(max_iterations=200, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
 #: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
-_FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=20)
+_FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=100)
 
 
 @dataclass(frozen=True, eq=False)

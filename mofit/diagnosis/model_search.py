@@ -8,15 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mofit.diagnosis.accounts import Account, accounts_of, promising
-from mofit.diagnosis.beside import refitted
+from mofit.diagnosis.beside import refitted, refitted_from
 from mofit.diagnosis.candidate_model import CandidateModel, doubt_of_constants, rated
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
-from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
-from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.identification.widening import WORTH
 from mofit.runtime.progress import Progress, silent
 
@@ -126,14 +125,32 @@ class _Search:
 
     def beyond(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
         """With refits of the promising effects from sizes beyond those expected, where these end lower."""
-        known = {one.effects: one for one in self.models if len(one.effects) == 1}
+        known = {one.effects for one in self.models}
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
-        better = dict[tuple[str, ...], CandidateModel]()
         limit = self.best.criterion + self.settings.contender + self.doubt
-        for one, found in zip(farther, refitted(self.baseline, farther, limit, progress), strict=True):
+        return self._improved(refitted(self.baseline, farther, limit, progress))
+
+    def elsewhere(self, progress: Progress) -> _Search:
+        """With single effects fitted again from where a best model of several ended, where these end lower.
+
+        They may have ended in another minimum of the model's own parameters: then a second effect only helped one of
+        them out of there.
+        """
+        if len(self.best.effects) < 2:
+            return self
+        singles = [one for one in self.models if len(one.effects) == 1][: self.settings.most_refits]
+        limit = self.best.criterion + self.settings.contender + self.doubt
+        again = refitted_from([one.fitted for one in singles], self.best.fitted, limit, progress)
+        return self._improved(again)
+
+    def _improved(self, again: Iterable[Fitted | str]) -> _Search:
+        """With models of single effects that were fitted again, where these end lower."""
+        better = dict[tuple[str, ...], CandidateModel]()
+        known = {one.effects: one for one in self.models}
+        for found in again:
             model = None if isinstance(found, str) else rated(found, len(self.candidates))
-            if model is not None and model.criterion < known[one.name,].criterion - WORTH:
+            if model is not None and model.criterion < known[model.effects].criterion - WORTH:
                 better[model.effects] = model
         models = (better.get(one.effects, one) for one in self.models)
         return replace(self, models=tuple(sorted(models, key=_order)))
@@ -240,7 +257,7 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
     best = state.best.effects
     for left_out in best if len(best) > 1 else ():
         state = state.reached([name for name in best if name != left_out], progress)
-    return state
+    return state.elsewhere(progress)
 
 
 def best_extensions(
@@ -266,33 +283,3 @@ def best_extensions(
 
 def _order(model: CandidateModel) -> float:
     return model.criterion if np.isfinite(model.criterion) else np.inf
-
-
-def with_final_estimates(
-    found: Attribution, observed: WhitenedData, remainder: float, reported: Sequence[CandidateModel]
-) -> Attribution:
-    r"""The baseline and the reported models fitted again with what the best one leaves counted as noise.
-
-    Weighted by the noise alone, the lines with the least noise decide, though what a model misses is no smaller there,
-    and intervals hold the noise alone. With the remainder on all lines, relative to the output's range and the same in
-    all tests, the estimates come near those of ordinary least squares, and the intervals say how far such a remainder
-    moves them. What is significant was decided before, and stays.
-
-    Parameters
-    ----------
-    found, reported
-        What was tried; the models that are reported beside the best.
-    observed
-        The tests with their own noise.
-    remainder
-        Root mean square of what the best model leaves, relative to the output's range.
-    """
-    noisy = with_discrepancy(observed, remainder, everywhere=True)
-
-    def again(fitted: Fitted) -> Fitted:
-        here = fitted.minimum.point[None]
-        return fit(replace(fitted.hypothesis, observed=noisy).at_steps_for(here, fitted.hypothesis.steps), here)
-
-    kept = {id(one) for one in (found.best, *reported)}
-    models = [replace(one, fitted=again(one.fitted)) if id(one) in kept else one for one in found.models]
-    return replace(found, baseline=again(found.baseline), models=tuple(models))

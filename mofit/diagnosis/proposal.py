@@ -11,9 +11,10 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import rated
 from mofit.diagnosis.cross_validation import cross_validate
+from mofit.diagnosis.final_estimates import with_final_estimates
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.inner_signals import Target
-from mofit.diagnosis.model_search import Attribution, with_final_estimates
+from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings

@@ -81,6 +81,31 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
         starts = [(max(own, steps), one) for own, one in [*starts, *((steps, one) for one in more)]]
 
 
+def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
+    """The hypothesis fitted again from the model's parameters of another one, its effects from where they are in both.
+
+    ``limit`` is that of `refit`.
+
+    Raises
+    ------
+    NotFittedError
+        If no start can be simulated, or the minimum cannot be integrated more finely.
+    """
+    model, starts = fitted.hypothesis, []
+    names, own = model.space.names, model.space.names[: model.own]
+    for shared in (own, names):
+        values = fitted.values | {name: value for name, value in other.values.items() if name in shared}
+        starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
+    try:
+        again = fit(model.at_steps_for(starts[0][None], model.steps), np.array(starts), limit)
+        found = in_wider_ranges(settled(again, limit, with_stages), limit)
+    except InputError as error:
+        raise NotFittedError("no start can be simulated") from error
+    if not is_reliable(found):
+        raise NotFittedError("its fit ends where the integration diverges")
+    return found.without_tables()
+
+
 def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float) -> Fitted:
     """The best fit from starts, each with as many integration steps as it needs.
 
