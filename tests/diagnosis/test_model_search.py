@@ -1,5 +1,6 @@
 """The search for several effects: which sets are tried next, and which refits count."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,8 @@ from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.model_search import Attribution, attribute, best_extensions
-from mofit.diagnosis.refit import is_reliable, settled
+from mofit.diagnosis.refit import is_reliable, refit, refit_from, settled
+from mofit.diagnosis.score_test import score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.models import find_effect
 from mofit.optimize import Minimum
@@ -72,6 +74,19 @@ def test_with_what_scores_most_alone_the_search_ends():
     assert max(len(one.effects) for one in found.models) == 1
     fitted = {name for one in found.models for name in one.effects}
     assert fitted == {one.name for one in found.score_tests if one.promise >= 0.1 * first.promise} != {*names}
+
+
+def test_a_fit_goes_on_from_where_another_model_ended():
+    """One that went astray ends in the minimum of its own, from the parameters that it shares with a larger model."""
+    baseline = damper_fit((("dry_friction", (("F_d", 30.0),)),))
+    friction = score_tests(baseline, [prepare(baseline, find_effect("dry_friction"))])[0]
+    right = refit(baseline, friction)
+    larger = refit(right, score_tests(right, [prepare(baseline, find_effect("asymmetric_stiffness"))])[0])
+    own = np.arange(len(right.minimum.point)) < right.hypothesis.own
+    off = np.where(own, np.random.default_rng(1).uniform(size=len(own)), right.minimum.point)
+    astray = replace(right, minimum=replace(right.minimum, point=off))
+    assert right.minimum.value < astray.hypothesis.evaluate(off[None])[0][0] - 1e3
+    assert right.minimum.value == pytest.approx(refit_from(astray, larger).minimum.value, abs=1e-2)
 
 
 @pytest.mark.parametrize(
