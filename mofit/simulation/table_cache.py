@@ -80,7 +80,7 @@ def drop_tables() -> None:
 
 def _room_for(needed: int, own: TableCache[Any], used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
-    caches = list(_caches)
+    caches = [cache for cache in _caches if cache._kept]  # of thousands few hold a table
     room, spare = KEPT_BYTES - sum(cache._bytes for cache in caches), list[tuple[TableCache[Any], Hashable]]()
     for _, name, cache in heapq.merge(*(cache._by_use() for cache in caches), key=itemgetter(0)):
         if room >= needed:
