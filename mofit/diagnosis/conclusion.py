@@ -95,7 +95,7 @@ class Conclusion:
     def in_doubt(self) -> bool:
         """Whether no family is in all of the indistinguishable models: none of the causes is sure."""
         sets = [one.families for one in self.indistinguishable]
-        return bool(sets) and not frozenset.intersection(*map(frozenset, sets))
+        return bool(sets) and not frozenset.intersection(*sets)
 
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:

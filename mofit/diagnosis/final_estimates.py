@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from mofit.diagnosis.candidate_model import CandidateModel
-from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.fitting import fit_to
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 
@@ -31,11 +31,6 @@ def with_final_estimates(
         Root mean square of what the best model leaves, relative to the output's range.
     """
     noisy = with_discrepancy(observed, remainder, everywhere=True)
-
-    def again(fitted: Fitted) -> Fitted:
-        here = fitted.minimum.point[None]
-        return fit(replace(fitted.hypothesis, observed=noisy).at_steps_for(here, fitted.hypothesis.steps), here)
-
     kept = {id(one) for one in (found.best, *reported)}
-    models = [replace(one, fitted=again(one.fitted)) if id(one) in kept else one for one in found.models]
-    return replace(found, baseline=again(found.baseline), models=tuple(models))
+    models = [replace(one, fitted=fit_to(noisy, one.fitted)) if id(one) in kept else one for one in found.models]
+    return replace(found, baseline=fit_to(noisy, found.baseline), models=tuple(models))

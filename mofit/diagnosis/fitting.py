@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum
+from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.identification.widening import MOST, WORTH, beyond_ends
 from mofit.optimize import Minimum, RefineSettings
 
 #: A refit ends 0.02 standard deviations from the minimum: criteria differ by far more than the 1e-3 that it leaves.
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
-#: Curved valleys take a hundred iterations; a fit that leads nowhere ends by its pace (`best_minimum`).
+#: So many iterations are for curved valleys: with a limit, a fit that leads nowhere ends by its pace (`best_minimum`).
 _REFINE = RefineSettings(max_iterations=200, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
 #: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
 _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=100)
@@ -155,6 +156,12 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
+
+
+def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:
+    """The same model fitted to the tests with another noise, from where it is; the stages stay as they are."""
+    here = fitted.minimum.point[None]
+    return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
 
 
 def in_wider_ranges(found: Fitted, limit: float) -> Fitted:

@@ -12,7 +12,7 @@ from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidate_model import CandidateModel, probabilities_of_causes, share_left
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.conclusion import Conclusion, conclude
-from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.model_search import Attribution, attribute
 from mofit.diagnosis.residual_map import ResidualMap, residual_map
 from mofit.diagnosis.residual_tests import residual_tests
@@ -117,8 +117,7 @@ def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
         quieter = with_noise_of(fitted)
         if not _falls(observed, quieter):
             break
-        observed, here = quieter, fitted.minimum.point[None]
-        fitted = fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
+        observed, fitted = quieter, fit_to(quieter, fitted)
     return observed
 
 

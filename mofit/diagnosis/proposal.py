@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import rated
 from mofit.diagnosis.cross_validation import cross_validate
 from mofit.diagnosis.final_estimates import with_final_estimates
-from mofit.diagnosis.fitting import Fitted, fit
+from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import residual_map
@@ -132,7 +132,7 @@ def propose(
     """
     alone = baseline.hypothesis.observed.without_stages()
     noisy = with_discrepancy(alone, rules.resolution * residual_map(baseline).relative, everywhere=True)
-    starts = [_again(one, noisy) for one in (baseline, main) if one is not None]
+    starts = [fit_to(noisy, one) for one in (baseline, main) if one is not None]
     nothing, trials = prediction_errors(starts[0]), list[Trial]()
     noise = np.minimum(noise_of_folds(noisy), nothing)  # of a short record it may be overestimated
     tests = len(noisy.problem.tests)
@@ -170,12 +170,6 @@ def _chance(effect: TermEffect, does: str, fewer: int, folds: int, what: str) ->
 def _at_most(noise: FloatArray, left: FloatArray) -> FloatArray:
     """The noise of folds, lowered to what is left of them where it is more: what can be predicted is no noise."""
     return noise * min(1.0, float(left.sum() / max(noise.sum(), np.finfo(float).tiny)))
-
-
-def _again(fitted: Fitted, observed: WhitenedData) -> Fitted:
-    """The same model fitted to the tests with another noise; the stages stay as they are."""
-    here = fitted.minimum.point[None]
-    return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
 
 
 def _validated(starts: Sequence[Fitted], best: Trial, needed: int, seed: int) -> Proposal | str:
