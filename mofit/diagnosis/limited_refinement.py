@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
+from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
@@ -18,6 +19,8 @@ _FIRST, _PACE = 2, 8
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
+#: Iterations between three values of which the last one is reached by converging, three steps at a time.
+_TWICE = 6
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
@@ -43,16 +46,24 @@ class _Hopes:
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
-        on = np.ones(len(values), dtype=bool)
+        on, best = np.ones(len(values), dtype=bool), np.min(values, initial=np.inf, where=np.isfinite(values))
         if self.iterations >= _FIRST:
             promised = _promised(gradients, hessians)
-            best = np.min(values, initial=np.inf, where=np.isfinite(values))
             on &= (promised > HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
+        if len(self.before) >= _TWICE:
+            on &= (_expected(self.before[-_TWICE], self.before[-_TWICE // 2], values) < best - WORTH) | (values == best)
         if len(self.before) == _PACE:
             on &= self.before[0] - values > HOPELESS * (values - self.limit)
         self.before.append(values)
         self.iterations += 1
         return on
+
+
+def _expected(first: FloatArray, second: FloatArray, third: FloatArray) -> FloatArray:
+    """Where values (K,) that converge at a steady rate will end (Aitken); -inf where they fall ever faster."""
+    before, last = first - second, second - third
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(last < before, third - last**2 / (before - last), -np.inf)
 
 
 def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.integration import MOST_STEPS, stable
+from mofit.diagnosis.integration import DIVERGED, MOST_STEPS, stable, within
 from mofit.diagnosis.scoped_starts import with_best_values
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError, MofitError
@@ -67,7 +68,9 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = in_wider_ranges(settled(_fitted(new, starts, limit), limit, with_stages), limit)
+            found = in_wider_ranges(
+                settled(_fitted(new, starts, limit), limit, partial(with_stages, limit=limit)), limit
+            )
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -98,7 +101,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
         starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
     try:
         again = fit(model.at_steps_for(starts[0][None], model.steps), np.array(starts), limit)
-        found = in_wider_ranges(settled(again, limit, with_stages), limit)
+        found = in_wider_ranges(settled(again, limit, partial(with_stages, limit=limit)), limit)
     except InputError as error:
         raise NotFittedError("no start can be simulated") from error
     if not is_reliable(found):
@@ -139,7 +142,8 @@ def is_reliable(found: Fitted) -> bool:
     if not stable(found.jacobian):
         return False
     finer = found.hypothesis.with_steps(2 * found.hypothesis.steps)
-    return bool(np.isfinite(finer.evaluate(found.minimum.point[None])[0]).all())
+    simulated = finer.simulator.simulate(finer.layout.full(found.minimum.point[None]))
+    return all(within(outputs, DIVERGED) for outputs in simulated)
 
 
 def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> Fitted:
@@ -162,10 +166,11 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
     return max(before, found, key=lambda one: one.minimum.value)
 
 
-def with_stages(fitted: Fitted) -> Fitted:
+def with_stages(fitted: Fitted, limit: float = np.inf) -> Fitted:
     """The stages fitted again where the effects ended, those present in the stages' tests; then the model once more.
 
-    It stays where it is if that is a minimum, and neither the stages nor the steps of its integration change.
+    It stays where it is if that is a minimum, and neither the stages nor the steps of its integration change. ``limit``
+    is that of `refit`.
     """
     model, best, stages = fitted.hypothesis, fitted.minimum.point[None], fitted.hypothesis.observed.stages
     present = [one.present_in_calibration for one in model.discrepancies]
@@ -175,7 +180,7 @@ def with_stages(fitted: Fitted) -> Fitted:
     ]
     again = replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best, model.steps)
     stays = fitted.minimum.converged and not any(present) and again.steps == model.steps
-    return fitted if stays else fit(again, best)
+    return fitted if stays else fit(again, best, limit)
 
 
 def _best_points(added: ScoreTest) -> list[int]:

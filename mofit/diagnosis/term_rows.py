@@ -76,12 +76,17 @@ def term_columns(readings: Sequence[Reading], terms: Sequence[Term]) -> Iterator
     """The rows that terms per unit of their coefficients add to the fitted model, on each of some quantities."""
     last, added = None, list[FloatArray]()
     for one in readings:
-        own = [i for i, term in enumerate(terms) if term.acts_on(one.target)]
-        with np.errstate(all="ignore"):  # what diverges is no term
-            if one.motion is not last:
-                last, added = one.motion, term_signals(one.motion, terms)
-            rows = whitened_response(one, [each[:, own] for each in added])
-        yield Columns(one.target, tuple(terms[i] for i in own), rows, one.beside)
+        if one.motion is not last:
+            last, added = one.motion, term_signals(one.motion, terms)
+        yield columns_on(one, terms, added)
+
+
+def columns_on(reading: Reading, terms: Sequence[Term], added: Sequence[FloatArray]) -> Columns:
+    """The same on one quantity; ``added`` are the `term_signals` along its motion."""
+    own = [i for i, term in enumerate(terms) if term.acts_on(reading.target)]
+    with np.errstate(all="ignore"):  # what diverges is no term
+        rows = whitened_response(reading, [each[:, own] for each in added])
+    return Columns(reading.target, tuple(terms[i] for i in own), rows, reading.beside)
 
 
 def whitened_response(reading: Reading, added: Sequence[FloatArray]) -> FloatArray:
@@ -106,10 +111,11 @@ def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArra
     drive = ca.Function("drive", [inputs, state], [drives, starts])
     value = ca.Function("value", [inputs, state], [values])
     found = []
-    for own, experiment in zip(signals.signals, signals.experiments, strict=True):
-        known = stacked(own, effect.signals, experiment.samples)
-        memory = _memories(drive, known, experiment.step) if states else np.empty((len(known), 0))
-        found.append(at_samples(value, known, memory)[0][..., 0])
+    with np.errstate(all="ignore"):
+        for own, experiment in zip(signals.signals, signals.experiments, strict=True):
+            known = stacked(own, effect.signals, experiment.samples)
+            memory = _memories(drive, known, experiment.step) if states else np.empty((len(known), 0))
+            found.append(at_samples(value, known, memory)[0][..., 0])
     return found
 
 

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.beside import processes
 from mofit.diagnosis.fitting import Fitted, Projection
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.smoothed_motion import fitted_readings
-from mofit.diagnosis.term_rows import term_columns
+from mofit.diagnosis.term_rows import Columns, columns_on, term_signals
 from mofit.diagnosis.term_selection import LEAST_LEFT
 from mofit.diagnosis.terms import Term, functions_of
+from mofit.runtime.parallel import forked_map
 
 #: One of so many shapes of a form is tried: neighbours explain much the same.
 _EVERY = 2
@@ -52,23 +54,41 @@ def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
     ``projection`` is that of the fit; all is to first order, see `mofit.diagnosis.term_rows`.
     """
     signals = inner_signals(fitted)
-    readings = fitted_readings(signals, signals.targets())
-    best: tuple[float, Target, Term, FloatArray] | None = None
-    tried = 0
-    for columns in term_columns(readings, _thinned(signals.variables())):
-        usable = columns.usable
-        rows = columns.rows[:, usable] / np.linalg.norm(columns.rows[:, usable], axis=0)
-        left = projection.apply(rows)
-        squares = np.sum(left**2, axis=0)
-        fresh = squares > LEAST_LEFT**2
-        along = left.T @ projection.residual
-        scores = np.where(fresh, along**2 / np.where(fresh, squares, 1.0), 0.0)
-        tried += int(fresh.sum())
-        k = int(np.argmax(scores)) if len(scores) else 0
-        if len(scores) and scores[k] > (best[0] if best else 0.0):
-            explained = left[: len(rows), k] * along[k] / squares[k]
-            best = float(scores[k]), columns.target, columns.terms[usable[k]], explained
-    return TermScore(best[1], best[2], best[0], best[3], tried) if best else None
+    readings, terms = fitted_readings(signals, signals.targets()), _thinned(signals.variables())
+    added = term_signals(signals, terms)
+    found = forked_map(lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted))
+    tried, statistic = sum(one.tried for one in found), max((one.statistic for one in found), default=0.0)
+    if not statistic > 0:
+        return None
+    target, best = next(
+        (reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic == statistic
+    )
+    own = [term for term in terms if term.acts_on(target)]
+    return TermScore(target, own[best.place], statistic, best.rows, tried)
+
+
+@dataclass(frozen=True)
+class _Best:
+    """The term with the largest score on a quantity by its place, and how many were tried there."""
+
+    place: int
+    statistic: float
+    rows: FloatArray
+    tried: int
+
+
+def _best_of(columns: Columns, projection: Projection) -> _Best:
+    usable = columns.usable
+    if not usable:
+        return _Best(0, 0.0, np.empty(0), 0)
+    rows = columns.rows[:, usable] / np.linalg.norm(columns.rows[:, usable], axis=0)
+    left = projection.apply(rows)
+    squares, along = np.sum(left**2, axis=0), left.T @ projection.residual
+    fresh = squares > LEAST_LEFT**2
+    scores = np.where(fresh, along**2 / np.where(fresh, squares, 1.0), 0.0)
+    k = int(np.argmax(scores))
+    explained = left[: len(rows), k] * along[k] / squares[k] if fresh[k] else np.empty(0)
+    return _Best(usable[k], float(scores[k]), explained, int(fresh.sum()))
 
 
 def _thinned(variables: Sequence[Variable]) -> list[Term]:

@@ -20,6 +20,7 @@ from mofit.diagnosis.whitening import Whitening, whitening
 from mofit.identification.calibration import Calibration
 from mofit.parameters import ParameterSpace
 from mofit.problem import FLAT, Problem
+from mofit.runtime.parallel import forked_map
 from mofit.simulation import exciting_channel, objective_pairs
 from mofit.simulation.scoped_simulator import ScopedSimulator
 
@@ -235,7 +236,9 @@ def whiten(
 
     ``known`` is the noise of records that do not repeat, by indices of test and output.
     """
-    found = [_whitening(problem, test, output, known) for test, output in objective_pairs(problem.experiments)]
+    simulators = simulators or SimulatorCache()
+    pairs = objective_pairs(problem.experiments)
+    found = forked_map(lambda pair: _whitening(problem, *pair, known), pairs, simulators.jobs)
     problem, records, stages = with_common_memory(problem, found, calibrations)
     measured, noise, phase, classes = [], [], [], []
     for test, output, w in records:
@@ -259,7 +262,7 @@ def whiten(
         np.concatenate([own[rows] for own, rows in zip(classes, line, strict=True)]),
         np.array(phase),
         stages,
-        simulators=simulators or SimulatorCache(),
+        simulators=simulators,
     )
 
 

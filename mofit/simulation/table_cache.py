@@ -82,6 +82,8 @@ def _room_for(needed: int, own: TableCache[Any], used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
     caches = [cache for cache in _caches if cache._kept]  # of thousands few hold a table
     room, spare = KEPT_BYTES - sum(cache._bytes for cache in caches), list[tuple[TableCache[Any], Hashable]]()
+    if room >= needed:
+        return True
     for _, name, cache in heapq.merge(*(cache._by_use() for cache in caches), key=itemgetter(0)):
         if room >= needed:
             break
