@@ -11,6 +11,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.baseline_starts import best_points
+from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.input_prediction import with_noise_beside_prediction
@@ -174,10 +175,10 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     if observed.problem.evaluations is None:  # a simulator was searched
         starts = np.concatenate([starts, np.where(searched, scattered, start)])
     starts = with_scoped(model, starts)
-    model = model.at_steps_for(starts[:1])
+    model = at_steps_for(model, starts[:1])
     with explained(observed.problem):
         first = fit(model, starts)
     # the minimum may be stiffer than the start
-    model = model.at_steps_for(first.minimum.point[None], model.steps)
+    model = at_steps_for(model, first.minimum.point[None], model.steps)
     found = fit(model, first.minimum.point[None]).without_tables()
     return replace(found, minimum=replace(found.minimum, members=first.minimum.members))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.few_periods import cut
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.integration import DIVERGED, clipped, each_with_enough_steps, stable
@@ -176,20 +179,20 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     if model.layout.shared.all():
         values = values[:, 0]
 
-    def sensitivities(steps: int, which: NDArray[np.intp]) -> FloatArray:
+    def sensitivities(data: WhitenedData, at: Simulator, steps: int, which: NDArray[Any]) -> FloatArray:
         slopes = _secants if effect.abrupt else _slopes
-        return observed.whitened(
-            [clipped(slope) for slope in slopes(simulator.with_steps(steps), values[which], effect)]
-        )
+        return data.whitened([clipped(slope) for slope in slopes(at.with_steps(steps), values[which], effect)])
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
         return float(np.linalg.norm(fine - coarse) / (np.linalg.norm(fine) + np.finfo(float).tiny))
 
+    steps = np.full(len(values), max(model.steps, _STATIC_STEPS))
     if effect.states:
-        steps, points = each_with_enough_steps(sensitivities, change, _SENSITIVITY_CHANGE, len(values))
-    else:
-        steps = np.full(len(values), max(model.steps, _STATIC_STEPS))
-        points = sensitivities(int(steps[0]), np.arange(len(values)))
+        briefly = partial(sensitivities, *(cut(observed, simulator) or (observed, simulator)))
+        steps, _ = each_with_enough_steps(briefly, change, _SENSITIVITY_CHANGE, len(values))
+    points = np.empty((len(values), len(observed.measured), len(effect.size)))
+    for own in np.unique(steps):
+        points[steps == own] = sensitivities(observed, simulator, int(own), steps == own)
     found = observed.stages.discrepancies(effect)
     columns, root = ScoreColumns.of(effect, observed.problem.measurements), observed.prior_root[1]
     if effect.scoped:

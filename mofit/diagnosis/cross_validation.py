@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, project
 from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hold_out_evidence import evidence_of
@@ -86,7 +87,7 @@ def leave_out(
     points = minimise_each(without, starts, settings).points
     points = with_own_nuisances(model, points, tests, settings)
     # what is too stiff for the test that was left out shows there alone
-    return model.at_steps_for(points, model.steps), points
+    return at_steps_for(model, points, model.steps), points
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.few_periods import at_steps_for, few_periods
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum
 from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.errors import InputError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
 from mofit.optimize import Minimum, RefineSettings
 
@@ -20,6 +22,8 @@ from mofit.optimize import Minimum, RefineSettings
 _REFINE = RefineSettings(max_iterations=200, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
 #: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
 _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=100)
+#: Largest difference between the squares by a few periods and those by all of a model that repeats, relative to these.
+_SAME = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +156,36 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     InputError
         If no start can be simulated.
     """
-    settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
+    settings, members = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE, None
+    if len(starts) > 1 and (near := _near_minimum(model, starts, settings, 0.5 * limit)) is not None:
+        starts, members = near.point[None], near.members
     best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     here = model.linear(best.point[None])
-    return Fitted(model, best, here.residual[0], here.jacobian[0])
+    return Fitted(
+        model, best if members is None else replace(best, members=members), here.residual[0], here.jacobian[0]
+    )
+
+
+def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float) -> Minimum | None:
+    """The best minimum where a few periods of every test count: near that of all, at a fraction of the cost.
+
+    None where that saves little, or where what is simulated does not repeat.
+    """
+    few = few_periods(model)
+    if few is None:
+        return None
+    try:
+        found = best_minimum(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
+    except InputError:
+        return None
+    whole, expected = float(model.evaluate(found.point[None])[0][0]), found.value + few.left_out
+    return found if abs(whole - expected) <= _SAME * whole else None
 
 
 def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:
     """The same model fitted to the tests with another noise, from where it is; the stages stay as they are."""
     here = fitted.minimum.point[None]
-    return fit(replace(fitted.hypothesis, observed=observed).at_steps_for(here, fitted.hypothesis.steps), here)
+    return fit(at_steps_for(replace(fitted.hypothesis, observed=observed), here, fitted.hypothesis.steps), here)
 
 
 def in_wider_ranges(found: Fitted, limit: float) -> Fitted:

@@ -140,6 +140,11 @@ class Hypothesis:
         """Per test: outputs (K, n, outputs) and derivatives by the values of the free parameters (K, n, outputs, f)."""
         return self.simulator.sensitivities(self.layout.full(u))
 
+    def stays_finite(self, u: FloatArray) -> NDArray[np.bool_]:
+        """Whether the model can be simulated at points u (K, d)."""
+        outputs = self.simulator.simulate(self.layout.full(u))
+        return np.all([within(test, DIVERGED, (1, 2)) for test in outputs], axis=0)
+
     def linear(self, u: FloatArray) -> Linear:
         """Residual and Jacobian at points u (K, d)."""
         slope = np.nan_to_num(self.space.derivative(self.space.from_unit(u)))

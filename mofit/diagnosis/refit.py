@@ -10,9 +10,10 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
+from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
-from mofit.diagnosis.integration import DIVERGED, MOST_STEPS, stable, within
+from mofit.diagnosis.integration import MOST_STEPS, stable
 from mofit.diagnosis.scoped_starts import with_best_values
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.errors import InputError, MofitError
@@ -100,7 +101,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
         values = fitted.values | {name: value for name, value in other.values.items() if name in shared}
         starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
     try:
-        again = fit(model.at_steps_for(starts[0][None], model.steps), np.array(starts), limit)
+        again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit)
         found = in_wider_ranges(settled(again, limit, partial(with_stages, limit=limit)), limit)
     except InputError as error:
         raise NotFittedError("no start can be simulated") from error
@@ -142,8 +143,7 @@ def is_reliable(found: Fitted) -> bool:
     if not stable(found.jacobian):
         return False
     finer = found.hypothesis.with_steps(2 * found.hypothesis.steps)
-    simulated = finer.simulator.simulate(finer.layout.full(found.minimum.point[None]))
-    return all(within(outputs, DIVERGED) for outputs in simulated)
+    return bool(finer.stays_finite(found.minimum.point[None]).all())
 
 
 def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> Fitted:
@@ -178,7 +178,7 @@ def with_stages(fitted: Fitted, limit: float = np.inf) -> Fitted:
         stages.recalibrated(one, fitted.values) if here else one
         for one, here in zip(model.discrepancies, present, strict=True)
     ]
-    again = replace(model, discrepancies=tuple(discrepancies)).at_steps_for(best, model.steps)
+    again = at_steps_for(replace(model, discrepancies=tuple(discrepancies)), best, model.steps)
     stays = fitted.minimum.converged and not any(present) and again.steps == model.steps
     return fitted if stays else fit(again, best, limit)
 

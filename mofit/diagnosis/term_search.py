@@ -10,6 +10,7 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
 from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, fit
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
@@ -228,7 +229,7 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
             fresh = model.space.subset([p.name for p in effect.parameters])
             values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
             starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
-            found = fit(model.at_steps_for(starts[0][None]), np.array(starts))
+            found = fit(at_steps_for(model, starts[0][None]), np.array(starts))
         except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
             return None
         # a shape at the end of its range is another form

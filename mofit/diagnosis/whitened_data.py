@@ -91,6 +91,25 @@ class WhitenedData:
         return replace(self, problem=replace(self.problem, prior=FLAT), calibrations=())
 
     @cached_property
+    def few_periods(self) -> tuple[WhitenedData, float]:
+        """Records that repeat as their average over all periods, in rows of a few, and the squares of what differs.
+
+        See `Whitening.of_few_periods`.
+        """
+        records, measured, squares = [], [], 0.0
+        for i, (test, output, whole) in enumerate(self.records):
+            rows, few = self.measured[self.record == i], whole.of_few_periods()
+            if whole.periods:
+                signal = np.zeros((whole.start + whole.count, 1))
+                signal[whole.start :, 0] = whole.waveform(rows)
+                squares += float(np.sum((rows - whole.rows(signal)[:, 0]) ** 2))
+                rows = few.rows(signal)[:, 0]
+            records.append((test, output, few))
+            measured.append(rows)
+        record = np.repeat(np.arange(len(records)), [len(rows) for rows in measured])
+        return replace(self, records=tuple(records), measured=np.concatenate(measured), record=record), squares
+
+    @cached_property
     def test(self) -> NDArray[np.int64]:
         """Index of the test of every row, shape (m,)."""
         return np.array([test for test, _, _ in self.records])[self.record]

@@ -15,6 +15,10 @@ from mofit.diagnosis.causal_filter import CausalFilter
 
 #: Periods from which on what repeats can be told from noise: two, less the rounding of the record's length.
 _FEWEST_PERIODS = 1.99
+#: Share of their length by which a few periods may miss whole samples, and still repeat well enough to start from.
+_MISSED = 1e-3
+#: Share of the power of a signal that repeats which may lie beside its harmonics: noise of an input.
+_ELSEWHERE = 0.01
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,35 @@ class Whitening:
         np.multiply(lines.real, self._scale, out=parts[..., :number])
         np.multiply(lines.imag[..., imaginary], self._scale[imaginary], out=parts[..., number:])
         return np.moveaxis(parts, -1, -2)
+
+    def of_few_periods(self) -> Whitening:
+        """The same over the fewest periods that fill whole samples; itself for a record that does not repeat.
+
+        Of a signal that repeats the rows of the harmonics are the same, up to rounding of periods to samples, and the
+        others are zero.
+        """
+        if not self.periods:
+            return self
+        samples = np.arange(1, self.periods + 1) * self.count / self.periods
+        missed = np.abs(samples - np.round(samples)) / samples
+        periods = 1 + int(np.argmax(missed <= max(_MISSED, missed.min())))
+        count, old = round(float(samples[periods - 1])), self.process
+        lines = np.arange(count // 2 + 1) / count
+        spectrum = np.interp(lines, np.arange(len(old.spectrum)) / self.count, old.spectrum) * count / self.count
+        return replace(self, periods=periods, process=replace(old, level=old.level[:count], spectrum=spectrum))
+
+    def waveform(self, rows: FloatArray) -> FloatArray:
+        """What repeats of a signal, from its rows (rows,), as the used samples (n,)."""
+        time = self.step * np.arange(self.count, dtype=np.float64)
+        return periodic_fit(time, self.signal(rows), self.period)[0]
+
+    def repeats(self, signals: FloatArray) -> bool:
+        """Whether signals (samples, k) have hardly any power beside the harmonics; true of any in a test without."""
+        if not self.periods:
+            return True
+        power = np.abs(fft.rfft(signals[self.start : self.start + self.count], axis=0)) ** 2
+        power[0] = 0.0
+        return bool(np.all(power[~self.harmonic].sum(axis=0) <= _ELSEWHERE * power.sum(axis=0)))
 
     def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
         """Rows of signals (..., rows) as complex lines (..., n // 2 + 1)."""

@@ -88,6 +88,16 @@ class ExperimentData:
         """With other measured outputs or weights, or with fewer samples."""
         return replace(self, origin=self.origin or self, **data)  # type: ignore[arg-type]
 
+    def first(self, count: int) -> ExperimentData:
+        """The first samples of its record; the same object when asked for again."""
+        if count >= self.recorded:
+            return self
+        known: dict[int, ExperimentData] = vars(self).setdefault("_first", {})
+        if count not in known:
+            inputs = self.inputs[: self.lead + count]
+            known[count] = self.changed(inputs=inputs, measured=self.measured[:count], weights=self.weights[:count])
+        return known[count]
+
     @property
     def samples(self) -> int:
         """Number of samples that are simulated."""

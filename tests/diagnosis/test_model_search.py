@@ -105,8 +105,8 @@ def fitted(steps, diverges_from, slope=1.0):
     """A minimum of a model that diverges with so many steps, and its derivatives."""
 
     def model(steps):
-        value = np.array([np.nan if steps >= diverges_from else 1.0])
-        return SimpleNamespace(steps=steps, with_steps=model, evaluate=lambda u: (value, None, None))
+        finite = np.array([steps < diverges_from])
+        return SimpleNamespace(steps=steps, with_steps=model, stays_finite=lambda u: finite)
 
     minimum = SimpleNamespace(point=np.zeros(2))
     return SimpleNamespace(hypothesis=model(steps), minimum=minimum, jacobian=np.full((3, 2), slope))
