@@ -98,3 +98,27 @@ def test_derivatives_of_any_size_are_no_error() -> None:
 
     found = best_minimum(steep, START, RefineSettings(max_iterations=9), FLOOR)
     assert np.isfinite(found.value)
+
+
+class Slow:
+    """Two minima on the sides of 1/2: of the floor's value, and 5 above it, towards which steps are far too short."""
+
+    def __init__(self) -> None:
+        self.evaluations = 0
+
+    def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self.evaluations += len(points)
+        x = points[:, 0]
+        centre, above, short = (np.where(x < 0.5, left, right) for left, right in ((0.2, 0.8), (0, 5), (1, 10)))
+        value = FLOOR + above + 0.5 * 1e4 * (x - centre) ** 2
+        return value, (1e4 * (x - centre))[:, None], (1e4 * short)[:, None, None]
+
+
+def test_a_start_that_will_end_above_the_best_ends_on_its_way() -> None:
+    def climbed(limit: float) -> tuple[float, int]:
+        slow = Slow()
+        return best_minimum(slow, np.array([[0.25], [0.95]]), RefineSettings(), limit).value, slow.evaluations
+
+    (value, some), (again, all_of_them) = climbed(FLOOR), climbed(np.inf)
+    assert value == pytest.approx(again) == pytest.approx(FLOOR)
+    assert some < all_of_them / 2

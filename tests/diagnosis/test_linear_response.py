@@ -12,7 +12,7 @@ from scipy.linalg import expm
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.candidates import prepare
 from mofit.diagnosis.inner_signals import inner_signals
-from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_functions
+from mofit.diagnosis.linear_response import Linearised, Motion, at_samples, phi_functions, recursion
 from mofit.diagnosis.term_rows import Linearisation, Reading, term_columns
 from mofit.diagnosis.terms import block, memory_terms, static_terms
 from mofit.identification.settings import Settings
@@ -94,3 +94,14 @@ def test_a_function_is_evaluated_at_every_sample() -> None:
     points = np.arange(6.0).reshape(3, 2)
     (found,) = at_samples(function, points, np.array([2.0]))
     np.testing.assert_array_equal(found, np.stack([points, 2 * points], axis=2))
+
+
+@pytest.mark.parametrize(("count", "size", "columns"), [(1, 2, 3), (7, 1, 2), (100, 3, 4), (101, 2, 1)])
+def test_states_side_by_side_are_those_one_by_one(count: int, size: int, columns: int, rng) -> None:
+    advance, pushed = rng.standard_normal((count, size, size)), rng.standard_normal((count, size, columns))
+    advance /= np.linalg.norm(advance, 2, axis=(1, 2))[:, None, None]
+    start = state = rng.standard_normal((size, columns))
+    states = recursion(advance, pushed, start)
+    for k in range(count):
+        state = advance[k] @ state + pushed[k]
+        np.testing.assert_allclose(states[k], state, atol=1e-12)

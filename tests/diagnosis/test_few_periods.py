@@ -1,0 +1,118 @@
+"""A few periods tell of what repeats what all of them tell, and a fit that begins with them ends where another does."""
+
+import numpy as np
+import pytest
+from damper_rig import damper_fit
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mofit.data.signals import SignalAnalysis
+from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods
+from mofit.diagnosis.fitting import fit
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.diagnosis.whitening import whitening
+from mofit.models import Applied, Channel, Effect, find_effect
+from mofit.optimize import RefineSettings
+from mofit.parameters import Parameter
+
+STEP = 0.01
+
+
+def with_effect(name: str, *values: float) -> tuple[Hypothesis, np.ndarray]:
+    """The damper with an effect, and a point."""
+    fitted = damper_fit()
+    observed = fitted.hypothesis.observed
+    found = observed.stages.discrepancies(find_effect(name))
+    return hypothesis(observed, found[:1]), np.concatenate([fitted.minimum.point, values])
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(4, 20),
+    st.sampled_from([20, 25, 32, 33 + 1 / 3, 28.5]),
+    st.integers(0, 60),
+    st.lists(st.floats(-50, 50), min_size=3, max_size=3),
+)
+def test_rows_of_what_repeats_are_those_of_a_few_periods(periods, samples, start, amplitudes) -> None:
+    # a sampling rate at which only several periods fill whole samples
+    periods = 6 * (periods // 6 + 1) if samples != int(samples) else periods
+    count = start + round(periods * samples)
+    angle = 2 * np.pi * np.arange(count) / samples
+    signal = sum(a * np.cos((k + 1) * angle + k) for k, a in enumerate(amplitudes))
+    noisy = signal + np.random.default_rng(periods).standard_normal(count)
+    record = SignalAnalysis(samples * STEP, 0, 0.0, 0.0, {}, "", {})
+    whole = whitening(noisy, np.arange(count) >= start, STEP, record, 1.0)
+    few = whole.of_few_periods()
+    assert few.count <= max(whole.count / 2, 6 * samples)
+    all_rows, own = whole.rows(signal[:, None])[:, 0], few.rows(signal[:, None])[:, 0]
+    size = 1e-6 + np.linalg.norm(all_rows)
+    assert np.linalg.norm(own) == pytest.approx(np.linalg.norm(all_rows), abs=1e-6 * size)
+    lines, brief = whole.white_lines(all_rows), few.white_lines(own)
+    np.testing.assert_allclose(brief[:: few.periods][:4], lines[:: whole.periods][:4], atol=1e-6 * size)
+
+
+def test_a_record_that_does_not_repeat_stays_whole(rng: np.random.Generator) -> None:
+    values = rng.standard_normal(400)
+    record = SignalAnalysis(None, 0, 0.0, 0.0, {}, "", {})
+    whole = whitening(values, np.ones(400, dtype=bool), STEP, record, 1.0)
+    assert whole.of_few_periods() is whole
+    assert whole.repeats(np.cumsum(values)[:, None])
+
+
+def test_inputs_that_drift_do_not_repeat() -> None:
+    time = STEP * np.arange(400)
+    sine = np.sin(2 * np.pi * time)
+    whole = whitening(sine, np.ones(400, dtype=bool), STEP, SignalAnalysis(1.0, 0, 0.0, 0.0, {}, "", {}), 1.0)
+    assert whole.repeats(np.stack([sine, np.ones(400)], axis=1))
+    assert not whole.repeats(np.stack([sine, time], axis=1))
+
+
+def test_the_squares_are_those_of_all_periods() -> None:
+    model, point = with_effect("dry_friction", 0.05, 0.6)
+    few = few_periods(model)
+    assert few is not None
+    samples = [sum(one.samples for one in each.simulator.experiments) for each in (few.hypothesis, model)]
+    assert samples[0] < 0.5 * samples[1]
+    whole = model.evaluate(point[None])[0][0]
+    assert few.hypothesis.evaluate(point[None])[0][0] + few.left_out == pytest.approx(whole, rel=0.01)
+    assert at_steps_for(model, point[None]).steps == model.at_steps_for(point[None]).steps
+
+
+def test_an_effect_that_does_not_repeat_is_fitted_to_all() -> None:
+    model, _ = with_effect("drift", 0.5)
+    assert few_periods(model) is None
+    assert cut(model.observed, model.simulator) is None
+
+
+@pytest.mark.parametrize(("effect", "values"), [("dry_friction", (0.05, 0.6)), ("quadratic_damping", (0.5,))])
+def test_the_minimum_is_that_of_all_periods(effect: str, values: tuple[float, ...]) -> None:
+    model, point = with_effect(effect, *values)
+    model = model.at_steps_for(point[None])
+    starts = np.stack([point, np.clip(point + 0.05, 0, 1)])
+    found = fit(model, starts)
+    expected = best_minimum(model.evaluate, starts, RefineSettings())
+    assert found.minimum.value == pytest.approx(expected.value, abs=5e-3)
+    sd = found.sd()
+    assert np.all(np.abs(found.minimum.point - expected.point) <= 0.1 * sd + 1e-6)
+
+
+class WarmDamping(Effect):
+    """A force that grows with the work done so far: nothing that it reads drifts, and yet it does not repeat."""
+
+    name = "warm_damping"
+    title = "damping that grows with the work done"
+    on = ("damper_force", "force")
+    parameters = (Parameter("warmth", "1/m^2", 0.0, 100.0, 1.0, neutral=0.0),)
+    states = (Channel("way", "m^2"),)
+
+    def apply(self, s, value):
+        return Applied((1 + s.warmth * s.way) * value, {"way": s.displacement**2})
+
+
+def test_what_does_not_repeat_is_fitted_to_all_periods() -> None:
+    observed = damper_fit().hypothesis.observed
+    model = hypothesis(observed, observed.stages.discrepancies(WarmDamping())[:1])
+    starts = np.append(damper_fit().minimum.point, 0.3)[None] + np.array([[0.0], [0.01]])
+    found, expected = fit(model, starts), best_minimum(model.evaluate, starts, RefineSettings())
+    assert found.minimum.value == pytest.approx(expected.value, abs=5e-3)
