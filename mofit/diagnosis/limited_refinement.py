@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,8 +20,6 @@ _FIRST, _PACE = 2, 8
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
-#: Iterations between three values of which the last one is reached by converging, three steps at a time.
-_TWICE = 6
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
@@ -50,8 +49,8 @@ class _Hopes:
         if self.iterations >= _FIRST:
             promised = _promised(gradients, hessians)
             on &= (promised > HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
-        if len(self.before) >= _TWICE:
-            on &= (_expected(self.before[-_TWICE], self.before[-_TWICE // 2], values) < best - WORTH) | (values == best)
+        if len(self.before) > 5:
+            on &= (_expected(*(self.before[-k] for k in (6, 4, 2)), values) < best - WORTH) | (values == best)
         if len(self.before) == _PACE:
             on &= self.before[0] - values > HOPELESS * (values - self.limit)
         self.before.append(values)
@@ -59,11 +58,15 @@ class _Hopes:
         return on
 
 
-def _expected(first: FloatArray, second: FloatArray, third: FloatArray) -> FloatArray:
-    """Where values (K,) that converge at a steady rate will end (Aitken); -inf where they fall ever faster."""
-    before, last = first - second, second - third
+def _expected(*values: FloatArray) -> FloatArray:
+    """Where four values (K,) will end that converge at the slower of their rates; -inf where they do not converge.
+
+    A value that stays as it is tells nothing: the steps were too long.
+    """
+    gains = [before - after for before, after in pairwise(values)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(last < before, third - last**2 / (before - last), -np.inf)
+        rate = np.maximum(gains[1] / gains[0], gains[2] / gains[1])
+        return np.where((gains[2] > 0) & (rate < 1), values[-1] - gains[2] * rate / (1 - rate), -np.inf)
 
 
 def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:
