@@ -31,11 +31,12 @@ the strangers of all these seeds to causes that must be seen to help, to terms l
 a saturation among them, and to a residual test of functions of the model's own signals.
 
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group`,
-`several` and `partly`: among those named); `unknown` or `partly` of a stranger. The gap is measured against noise-free
-records that no fit saw: of the same kind and within the amplitudes, a larger one, and of another kind of excitation;
-not without encoder, where the angle there is anyone's guess. Rows that the work folder holds already are kept.
-`--limit` takes that many campaigns at random; `--only` those that every text fits, of rig, excitation, noise, case and
-kind of case, as in `--only tyre "no encoder"`.
+`several` and `partly`: among those named); `unknown` of a stranger. A bump stop is a spring that stiffens with its
+stroke, a gain that walks a drift: whoever names that family says nothing false, and a row of its own counts it. The gap
+is measured against noise-free records that no fit saw: of the same kind and within the amplitudes, a larger one, and of
+another kind of excitation; not without encoder, where the angle there is anyone's guess. Rows that the work folder
+holds already are kept. `--limit` takes that many campaigns at random; `--only` those that every text fits, of rig,
+excitation, noise, case and kind of case, as in `--only tyre "no encoder"`.
 """
 
 from __future__ import annotations

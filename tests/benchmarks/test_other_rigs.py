@@ -153,17 +153,18 @@ def test_every_cell_has_its_own_numbers_and_names():
 @pytest.mark.parametrize(
     ("verdict", "effects", "families", "what"),
     [
-        ("effect", ["delay"], ["lag or delay"], {"first", "family"}),
-        ("group", ["second_branch", "delay"], ["relaxation", "lag or delay"], {"family"}),
+        ("effect", ["delay"], ["lag or delay"], {"first", "named", "family"}),
+        ("group", ["second_branch", "delay"], ["relaxation", "lag or delay"], {"named", "family"}),
         ("effect", ["second_branch"], ["relaxation"], set()),
         ("partly", ["sensor_lowpass"], ["lag or delay"], {"family", "refused"}),
         ("partly", ["second_branch", "sensor_lowpass"], ["relaxation", "lag or delay"], {"family", "refused"}),
-        ("unknown", [], [], {"refused", "unknown"}),
+        ("partly", ["drift"], ["drift"], {"akin", "refused"}),
+        ("unknown", [], [], {"akin", "refused", "unknown"}),
         ("none", [], [], {"quiet"}),
     ],
 )
 def test_what_is_right(verdict, effects, families, what):
-    label = {"effect": "delay", "family": "lag or delay"}
+    label = {"effect": "delay", "family": "lag or delay", "akin": "drift"}
     found = right(label, {"verdict": verdict, "effects": effects, "families": families})
     assert {key for key, value in found.items() if value} == what
 

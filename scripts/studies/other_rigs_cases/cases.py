@@ -28,6 +28,8 @@ class Case:
     """Largest value of the knob."""
     rigs: tuple[str, ...] = ALL
     excitations: tuple[str, ...] = KINDS
+    akin: str = ""
+    """Family to which a stranger belongs in a wider sense: naming it is no mistake."""
 
 
 CASES = (
@@ -53,10 +55,10 @@ CASES = (
     Case("drift of the stiffness", "own law", "force_drift", "drift", most=0.4),
     Case("damper that warms", "own law", "warm_damper", "drift", most=0.8),
     Case("play with hysteresis", "own law", "hysteretic_play", "play", most=0.05, rigs=DRIVEN),
-    Case("bump stop", "stranger", "bump"),
+    Case("bump stop", "stranger", "bump", akin="non-linear stiffness"),
     Case("amplifier knee", "stranger", "knee", most=0.6),
     Case("dead band", "stranger", "dead_band", most=0.2),
-    Case("gain that walks", "stranger", "gain_walk", most=0.5),
+    Case("gain that walks", "stranger", "gain_walk", most=0.5, akin="drift"),
     Case("subharmonic", "stranger", "subharmonic", most=0.3, excitations=("sine", "chirp")),
     Case("wheel order", "no encoder", "wheel_order", "non-uniformity of rotating parts", "wheel_order", 0.3, ("tyre",)),
     Case("drum order", "no encoder", "drum", "non-uniformity of rotating parts", "drum_runout", 0.3, ("tyre",)),

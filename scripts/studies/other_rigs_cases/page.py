@@ -54,12 +54,13 @@ def _summary(seen: Rows, kinds: dict[str, list[dict[str, Any]]]) -> list[str]:
         ("(a) effects of the catalogue named first", "at least 98 %", *count(kinds["library"], "first")),
         ("… their family named", "", *count(kinds["library"], "family")),
         ("(a) strangers unknown", "at least 95 %", *count(kinds["stranger"], "unknown")),
+        ("… unknown, or the family that it is akin to", "", *count(kinds["stranger"], "akin")),
         ("… unknown or partly", "", *count(kinds["stranger"], "refused")),
         ("(b) laws of their own: family named", "at least 95 %", *count(kinds["own law"], "family")),
         ("(c) false alarms, coloured noise, chirps or road", "at most 1 %", *count(bare, "quiet", wrong=True)),
         ("(c) families there", "at least 95 %", *count(named, "family")),
-        ("(d) orders without encoder named first", "at least 98 %", *count(kinds["no encoder"], "first")),
-        ("… their family named", "", *count(kinds["no encoder"], "family")),
+        ("(d) orders without encoder named", "at least 98 %", *count(kinds["no encoder"], "named")),
+        ("… named first", "", *count(kinds["no encoder"], "first")),
     ]  # fmt: skip
     seconds = np.array([row["seconds"] for row in seen])
     lines = table(("", "asked", "found", "of", "share", "95 % interval"), body)

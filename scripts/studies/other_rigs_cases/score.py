@@ -85,9 +85,11 @@ def right(label: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, bool]:
     return {
         "quiet": row["verdict"] == "none",
         "first": naming and bool(effects) and effects[0] == label["effect"],
+        "named": naming and label["effect"] in effects,
         "family": naming and label["family"] in listed,
         "refused": row["verdict"] in ("unknown", "partly"),
         "unknown": row["verdict"] == "unknown",
+        "akin": row["verdict"] == "unknown" or (naming and label["akin"] in listed),
     }
 
 
