@@ -190,7 +190,7 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     if effect.states:
         briefly = partial(sensitivities, *(cut(observed, simulator) or (observed, simulator)))
         steps, _ = each_with_enough_steps(briefly, change, _SENSITIVITY_CHANGE, len(values))
-    points = np.empty((len(values), len(observed.measured), len(effect.size)))
+    points: FloatArray = np.empty((len(values), len(observed.measured), len(effect.size)))
     for own in np.unique(steps):
         points[steps == own] = sensitivities(observed, simulator, int(own), steps == own)
     found = observed.stages.discrepancies(effect)

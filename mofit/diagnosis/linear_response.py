@@ -98,9 +98,9 @@ def recursion(advance: FloatArray, pushed: FloatArray, start: FloatArray) -> Flo
     count, size = len(advance), len(start)
     blocks = max(int(np.sqrt(count)), 1)
     length = -(-count // blocks)
-    whole, states = np.zeros((blocks * length, size, size)), np.zeros((blocks * length, *start.shape))
-    whole[:count], states[:count] = advance, pushed
-    whole, states = whole.reshape(blocks, length, size, size), states.reshape(blocks, length, *start.shape)
+    padding = ((0, blocks * length - count), (0, 0), (0, 0))
+    whole = np.pad(advance, padding).reshape(blocks, length, size, size)
+    states = np.pad(pushed, padding).reshape(blocks, length, *start.shape)
     for k in range(1, length):
         states[:, k] += whole[:, k] @ states[:, k - 1]
         whole[:, k] = whole[:, k] @ whole[:, k - 1]
