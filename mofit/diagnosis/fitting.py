@@ -159,6 +159,8 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     settings, members = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE, None
     if len(starts) > 1 and (near := _near_minimum(model, starts, settings, 0.5 * limit)) is not None:
         starts, members = near.point[None], near.members
+        if near.value > 0.5 * limit and not near.converged:  # given up
+            settings = replace(settings, max_iterations=1)
     best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     here = model.linear(best.point[None])
     return Fitted(
@@ -167,9 +169,10 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
 
 
 def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float) -> Minimum | None:
-    """The best minimum where a few periods of every test count: near that of all, at a fraction of the cost.
+    """The best minimum where a few periods of every test count, with its value where all do.
 
-    None where that saves little, or where what is simulated does not repeat.
+    It is near that of all, at a fraction of the cost. None where that saves little, or where what is simulated does not
+    repeat.
     """
     few = few_periods(model)
     if few is None:
@@ -179,7 +182,7 @@ def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSetting
     except InputError:
         return None
     whole, expected = float(model.evaluate(found.point[None])[0][0]), found.value + few.left_out
-    return found if abs(whole - expected) <= _SAME * whole else None
+    return replace(found, value=whole) if abs(whole - expected) <= _SAME * whole else None
 
 
 def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:

@@ -20,6 +20,8 @@ _FIRST, _PACE = 2, 8
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
+#: Nats that it must gain over as many iterations: where values and derivatives disagree it never converges.
+_LEAST = 1e-3
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
@@ -52,7 +54,7 @@ class _Hopes:
         if len(self.before) > 5:
             on &= (_expected(*(self.before[-k] for k in (6, 4, 2)), values) < best - WORTH) | (values == best)
         if len(self.before) == _PACE:
-            on &= self.before[0] - values > HOPELESS * (values - self.limit)
+            on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), _LEAST)
         self.before.append(values)
         self.iterations += 1
         return on
