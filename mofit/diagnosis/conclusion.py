@@ -26,6 +26,7 @@ from mofit.diagnosis.sentences import (
 )
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
+from mofit.models.effect import CALIBRATION_ERROR
 
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
@@ -171,9 +172,12 @@ def conclude(
     else:
         others = [(one.family, one.title) for one in effects if one.name in doubtful and one.name not in best.effects]
         sentence = cause(laws, others, left_over(share, after.location) if verdict == "partly" else "")
-        certain = [(one.title, one.of_rig) for one in effects if one.name in best.effects and one.name not in doubtful]
+        certain = [one for one in effects if one.name in best.effects and one.name not in doubtful]
+        # with other tests of its stages the same model would do
+        parts = [(one.title, one.of_rig) for one in certain if one.family != CALIBRATION_ERROR]
         sentence += contradicted(contradicting, len(laws))
-        sentence += rig_and_model(certain, all_of_it=verdict != "partly" and not doubtful)
+        whole = verdict != "partly" and not doubtful and len(parts) == len(certain)
+        sentence += rig_and_model(parts, all_of_it=whole)
     families = _named_families(found.models, effects, weights)
     return Conclusion(verdict, sentence, effects, families, equal, share, tuple(weights))
 
@@ -221,15 +225,17 @@ def _named_effects(
 def in_order(
     effects: Sequence[NamedEffect], doubtful: Collection[str], without: Mapping[str, float]
 ) -> tuple[NamedEffect, ...]:
-    """Families beyond doubt first: what the model lacks, then what the rig adds; then those that are ``doubtful``.
+    """Families beyond doubt first: what the model lacks, then what the rig adds or the stages told wrongly.
+
+    Then those that are ``doubtful``.
 
     Of equals the most probable family first, and of a family the most probable effect; ``without`` are the
     probabilities that there is none of a family.
     """
 
     def place(one: NamedEffect) -> tuple[bool, bool, float, float]:
-        unsure = one.family in doubtful
-        return unsure, one.of_rig and not unsure, without[one.family], -one.probability
+        unsure, lacked = one.family in doubtful, not one.of_rig and one.family != CALIBRATION_ERROR
+        return unsure, not (lacked or unsure), without[one.family], -one.probability
 
     return tuple(sorted(effects, key=place))
 

@@ -94,7 +94,7 @@ class WhitenedData:
     def few_periods(self) -> tuple[WhitenedData, float]:
         """Records that repeat as their average over all periods, in rows of a few, and the squares of what differs.
 
-        See `Whitening.of_few_periods`.
+        See `Whitening.of_few_periods`. It is for fits alone: its lines have no classes.
         """
         records, measured, squares = [], [], 0.0
         for i, (test, output, whole) in enumerate(self.records):

@@ -13,6 +13,9 @@ from mofit.errors import Issue
 from mofit.models.model import Applied, Channel, Condition, Symbols
 from mofit.parameters import PER_CAMPAIGN, Parameter
 
+#: Family of effects by which only what the calibration stages told is wrong.
+CALIBRATION_ERROR = "calibration error"
+
 
 class Effect(ABC):
     """A model extension: it acts on one named quantity, input, output, parameter or condition.

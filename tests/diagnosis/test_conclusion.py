@@ -62,6 +62,12 @@ def test_what_the_model_lacks_is_named_before_what_the_rig_adds():
     assert ordered([lag, speed], {"delay", "speed"}) == (lag, speed)
 
 
+def test_what_the_stages_told_wrongly_is_named_behind_what_is_surer():
+    order, level = named("wheel_order", 1.0, True), replace(named("level", 1.0, False), family="calibration error")
+    lag, sure = named("delay", 1.0, False), {"wheel_order": 0.0, "calibration error": 1e-30, "delay": 1e-9}
+    assert in_order([level, order, lag], set(), sure) == (lag, order, level)
+
+
 def test_of_causes_beyond_doubt_the_surest_comes_first():
     offset, order = named("test_offset", 1.0, True), named("wheel_order", 1.0, True)
     assert in_order([offset, order], set(), {"test_offset": 1e-30, "wheel_order": 1e-200}) == (order, offset)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from mofit.models.effect import Scaling
+from mofit.models.effect import CALIBRATION_ERROR, Scaling
 from mofit.models.model import TIME, Condition, Symbols
 from mofit.parameters import Parameter, powers
 
@@ -30,7 +30,7 @@ class CorneringStiffness(Scaling):
 
     name = "cornering_stiffness"
     title = "error of the cornering stiffness"
-    family = "calibration error"
+    family = CALIBRATION_ERROR
     on = ("dF0",)
     parameters = (
         Parameter("e_alpha", "1", -0.5, 0.5, 0.05, description="relative error of the initial slope", neutral=0.0),
@@ -45,7 +45,7 @@ class FrictionLevel(Scaling):
 
     name = "friction_level"
     title = "error of the friction level"
-    family = "calibration error"
+    family = CALIBRATION_ERROR
     on = ("F_M",)
     parameters = (
         Parameter("e_mu", "1", -0.5, 0.5, 0.08, description="relative error of the maximum force", neutral=0.0),
@@ -60,7 +60,7 @@ class CarcassStiffness(Scaling):
 
     name = "carcass_stiffness"
     title = "error of the carcass stiffness"
-    family = "calibration error"
+    family = CALIBRATION_ERROR
     on = ("c_y",)
     parameters = (
         Parameter("e_y", "1", -0.5, 0.5, 0.06, description="relative error of the carcass stiffness", neutral=0.0),
