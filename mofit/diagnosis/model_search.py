@@ -155,9 +155,9 @@ class _Search:
         models = (better.get(one.effects, one) for one in self.models)
         return replace(self, models=tuple(sorted(models, key=_order)))
 
-    def singly(self, scores: Sequence[ScoreTest], share: float, progress: Progress) -> _Search:
+    def singly(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
         """With refits of the baseline plus each of the candidates whose scores promise something."""
-        kept, passed_over = promising(scores, share, self.settings.most_refits)
+        kept, passed_over = promising(scores, self.settings.promising, self.settings.most_refits)
         return replace(self.extended(self.baseline, kept, progress), passed_over=passed_over)
 
     def all_singly(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
@@ -194,18 +194,16 @@ def attribute(
     if nothing.p_value >= settings.gap_p_value:
         reasons = dict.fromkeys((one.name for one in scores), "there is no gap")
         return replace(nothing, accounts=accounts_of(scores, state.models, {}, reasons))
-    state = state.singly(scores, settings.promising, progress)
+    state = state.singly(scores, progress)
     if promising_only:
         return _attribution(nothing, state)
     # the little that one effect leaves is what its law misses
     explained = not _leaves_more(state, settings.residual_share)
-    if not explained and residual_tests(state.best.fitted).p_value < settings.residual_p_value:
+    left = residual_tests(state.best.fitted).p_value < settings.residual_p_value
+    if not explained and (left or _leaves_more(state, 1 - settings.partly, settings.doubt)):
         # a strong effect bends its own direction: what looked hopeless at neutral size may be right, and the minimum
         # may lie far beyond the size that its score lets expect
-        state = state.singly(scores, settings.relaxed_promising, progress).beyond(scores, progress)
-    if _leaves_more(state, 1 - settings.partly, settings.doubt):
-        # no cause of most of the gap is among them: scores say nothing of effects so strong that they bend everything
-        state = state.all_singly(scores, progress)
+        state = state.all_singly(scores, progress).beyond(scores, progress)
     for count in range(1, 2 if explained else settings.most_effects):
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0

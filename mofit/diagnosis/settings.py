@@ -56,15 +56,13 @@ class DiagnosisSettings:
     """p-value below which the best candidate model leaves a gap."""
     promising: float = 0.1
     """Share of the largest T from which a candidate is refitted."""
-    relaxed_promising: float = 0.01
-    """The same where none of the promising ones explains the gap: a strong effect bends its own direction."""
     extension_promising: float = 0.5
     """Share of the largest promised decrease of the criterion from which one more effect is tried: what is left is
     small, so the score test is nearly exact."""
     contender: float = 60.0
     """Difference of the criterion up to which an effect is fitted both with and without it in the calibration tests."""
     most_refits: int = 12
-    """Most candidates that are refitted at once; all are where none of these explains most of the gap."""
+    """Most candidates that are refitted at once; all are where none of these explains the gap."""
     most_extensions: int = 6
     """Most sets of one more effect that are fitted at once."""
     most_effects: int = 3
