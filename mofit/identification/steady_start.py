@@ -56,7 +56,13 @@ def led_in(
         if found is None or not value - found.value > WORTH:
             break
         best, point, value = led, found.point, found.value
-    return None if best is setup else (_where_better(posterior.main, _shortened(best, point), point), point)
+    if best is setup:
+        return None
+    longest = max(best.leads[name] / length for name, length in steady.items())
+    others = {name: longest * length for name, length in _repeating(posterior.main).items() if name not in steady}
+    # a rig that has settled before most tests has before all: what looks like a transient may be a drift
+    best = replace(best, leads={**best.leads, **others})
+    return _where_better(posterior.main, _shortened(best, point), point), point
 
 
 def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
@@ -71,11 +77,20 @@ def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
 
 def steady_from_start(problem: Problem) -> dict[str, float]:
     """Length [s] of every test that repeats from its first sample on, unless it says where its transient ends."""
-    tests = zip(problem.measurements, problem.signals, strict=True)
+    steady = {
+        test.name
+        for test, record in zip(problem.measurements, problem.signals, strict=True)
+        if record.steady_from_start
+    }
+    return {name: length for name, length in _repeating(problem).items() if name in steady}
+
+
+def _repeating(problem: Problem) -> dict[str, float]:
+    """The same of every test that repeats at all."""
     return {
         test.name: test.experiment.length + test.experiment.step
-        for test, record in tests
-        if record.steady_from_start and problem.model.dynamic and test.experiment.transient is None
+        for test, record in zip(problem.measurements, problem.signals, strict=True)
+        if record.period and record.periods >= 2 and problem.model.dynamic and test.experiment.transient is None
     }
 
 
