@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
-from mofit.identification.widening import WORTH
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
@@ -47,28 +45,16 @@ class _Hopes:
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
-        on, best = np.ones(len(values), dtype=bool), np.min(values, initial=np.inf, where=np.isfinite(values))
+        on = np.ones(len(values), dtype=bool)
         if self.iterations >= _FIRST:
             promised = _promised(gradients, hessians)
+            best = np.min(values, initial=np.inf, where=np.isfinite(values))
             on &= (promised > HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
-        if len(self.before) > 5:
-            on &= (_expected(*(self.before[-k] for k in (6, 4, 2)), values) < best - WORTH) | (values == best)
         if len(self.before) == _PACE:
             on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), _LEAST)
         self.before.append(values)
         self.iterations += 1
         return on
-
-
-def _expected(*values: FloatArray) -> FloatArray:
-    """Where four values (K,) will end that converge at the slower of their rates; -inf where they do not converge.
-
-    A value that stays as it is tells nothing: the steps were too long.
-    """
-    gains = [before - after for before, after in pairwise(values)]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        rate = np.maximum(gains[1] / gains[0], gains[2] / gains[1])
-        return np.where((gains[2] > 0) & (rate < 1), values[-1] - gains[2] * rate / (1 - rate), -np.inf)
 
 
 def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:
