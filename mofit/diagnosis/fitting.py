@@ -156,16 +156,17 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     InputError
         If no start can be simulated.
     """
-    settings, members = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE, None
-    if len(starts) > 1 and (near := _near_minimum(model, starts, settings, 0.5 * limit)) is not None:
-        starts, members = near.point[None], near.members
-        if near.value > 0.5 * limit and not near.converged:  # given up
-            settings = replace(settings, max_iterations=1)
-    best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
+    settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
+    near = _near_minimum(model, starts, settings, 0.5 * limit) if len(starts) > 1 else None
+    if near is None:
+        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
+    else:
+        given_up = near.value > 0.5 * limit and not near.converged
+        settings = replace(settings, max_iterations=1) if given_up else settings
+        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit)
+        best = replace(best, members=near.members)
     here = model.linear(best.point[None])
-    return Fitted(
-        model, best if members is None else replace(best, members=members), here.residual[0], here.jacobian[0]
-    )
+    return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
 def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float) -> Minimum | None:

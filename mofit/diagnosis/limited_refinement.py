@@ -18,7 +18,7 @@ _FIRST, _PACE = 2, 8
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
-#: Nats that it must gain over as many iterations: where values and derivatives disagree it never converges.
+#: Nats that a start must gain over as many iterations: where values and derivatives disagree it never converges.
 _LEAST = 1e-3
 
 

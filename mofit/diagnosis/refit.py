@@ -69,9 +69,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = in_wider_ranges(
-                settled(_fitted(new, starts, limit), limit, partial(with_stages, limit=limit)), limit
-            )
+            found = _ended(_fitted(new, starts, limit), limit)
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -102,7 +100,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
         starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
     try:
         again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit)
-        found = in_wider_ranges(settled(again, limit, partial(with_stages, limit=limit)), limit)
+        found = _ended(again, limit)
     except InputError as error:
         raise NotFittedError("no start can be simulated") from error
     if not is_reliable(found):
@@ -127,6 +125,11 @@ def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: fl
     if not found:
         raise failure
     return min(found, key=lambda one: one.minimum.value)
+
+
+def _ended(found: Fitted, limit: float) -> Fitted:
+    """The fit with its stages settled, in ranges wide enough for it."""
+    return in_wider_ranges(settled(found, limit, partial(with_stages, limit=limit)), limit)
 
 
 def _inside(new: Hypothesis, found: Fitted) -> FloatArray:

@@ -111,7 +111,7 @@ def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArra
     drive = ca.Function("drive", [inputs, state], [drives, starts])
     value = ca.Function("value", [inputs, state], [values])
     found = []
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # what diverges is no term
         for own, experiment in zip(signals.signals, signals.experiments, strict=True):
             known = stacked(own, effect.signals, experiment.samples)
             memory = _memories(drive, known, experiment.step) if states else np.empty((len(known), 0))

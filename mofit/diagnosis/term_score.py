@@ -57,14 +57,12 @@ def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
     readings, terms = fitted_readings(signals, signals.targets()), _thinned(signals.variables())
     added = term_signals(signals, terms)
     found = forked_map(lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted))
-    tried, statistic = sum(one.tried for one in found), max((one.statistic for one in found), default=0.0)
-    if not statistic > 0:
+    pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
+    if not pairs:
         return None
-    target, best = next(
-        (reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic == statistic
-    )
+    target, best = max(pairs, key=lambda pair: pair[1].statistic)
     own = [term for term in terms if term.acts_on(target)]
-    return TermScore(target, own[best.place], statistic, best.rows, tried)
+    return TermScore(target, own[best.place], best.statistic, best.rows, sum(one.tried for one in found))
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,13 @@ does so for many periods. So its inputs, which repeat, act on it for some time b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.data.signals import SignalAnalysis
 from mofit.identification.descents import settings_for
 from mofit.identification.problem_setup import ProblemSetup
 from mofit.identification.widening import WORTH
@@ -59,8 +60,9 @@ def led_in(
     if best is setup:
         return None
     longest = max(best.leads[name] / length for name, length in steady.items())
-    others = {name: longest * length for name, length in _repeating(posterior.main).items() if name not in steady}
-    # a rig that has settled before most tests has before all: what looks like a transient may be a drift
+    # where some tests begin in the steady state others may, too: what looks like their transient may be a drift
+    every = _lengths(posterior.main, lambda record: record.period is not None and record.periods >= 2)
+    others = {name: longest * length for name, length in every.items() if name not in steady}
     best = replace(best, leads={**best.leads, **others})
     return _where_better(posterior.main, _shortened(best, point), point), point
 
@@ -77,20 +79,16 @@ def leads_said(before: ProblemSetup, after: ProblemSetup) -> Iterator[str]:
 
 def steady_from_start(problem: Problem) -> dict[str, float]:
     """Length [s] of every test that repeats from its first sample on, unless it says where its transient ends."""
-    steady = {
-        test.name
-        for test, record in zip(problem.measurements, problem.signals, strict=True)
-        if record.steady_from_start
-    }
-    return {name: length for name, length in _repeating(problem).items() if name in steady}
+    return _lengths(problem, lambda record: record.steady_from_start)
 
 
-def _repeating(problem: Problem) -> dict[str, float]:
-    """The same of every test that repeats at all."""
+def _lengths(problem: Problem, wanted: Callable[[SignalAnalysis], bool]) -> dict[str, float]:
+    """The same of every test whose record is wanted."""
+    tests = zip(problem.measurements, problem.signals, strict=True)
     return {
         test.name: test.experiment.length + test.experiment.step
-        for test, record in zip(problem.measurements, problem.signals, strict=True)
-        if record.period and record.periods >= 2 and problem.model.dynamic and test.experiment.transient is None
+        for test, record in tests
+        if wanted(record) and problem.model.dynamic and test.experiment.transient is None
     }
 
 

@@ -27,8 +27,9 @@ motion, to the memory of the noise told by all tests, and to the order in which 
 with seed 1187 to tests left out that contradict a law each by itself; with seed 2213 to terms that are read along the
 motion which the records tell; with seeds 7426 and 8111 to constants that count less where the noise is slow; with seed
 10303 to single effects that are fitted again from where several ended, and to fits that go on in curved valleys; with
-the strangers of all these seeds to causes that must be seen to help, to terms learnt without the calibration stages, to
-a saturation among them, and to a residual test of functions of the model's own signals.
+seed 11549 to fits of all effects before two are named, and to inputs that are led in of all tests that fit better so;
+with the strangers of all these seeds to causes that must be seen to help, to terms learnt without the calibration
+stages, to a saturation among them, and to a residual test of functions of the model's own signals.
 
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group`,
 `several` and `partly`: among those named); `unknown` of a stranger. A bump stop is a spring that stiffens with its

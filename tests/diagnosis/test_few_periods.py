@@ -98,13 +98,13 @@ def test_the_minimum_is_that_of_all_periods(effect: str, values: tuple[float, ..
 
 
 class WarmDamping(Effect):
-    """A force that grows with the work done so far: nothing that it reads drifts, and yet it does not repeat."""
+    """A force that grows with the squared motion so far: nothing that it reads drifts, and yet it does not repeat."""
 
     name = "warm_damping"
-    title = "damping that grows with the work done"
+    title = "damping that grows with the motion so far"
     on = ("damper_force", "force")
-    parameters = (Parameter("warmth", "1/m^2", 0.0, 100.0, 1.0, neutral=0.0),)
-    states = (Channel("way", "m^2"),)
+    parameters = (Parameter("warmth", "1/(m^2 s)", 0.0, 100.0, 1.0, neutral=0.0),)
+    states = (Channel("way", "m^2 s"),)
 
     def apply(self, s, value):
         return Applied((1 + s.warmth * s.way) * value, {"way": s.displacement**2})

@@ -101,7 +101,7 @@ def test_derivatives_of_any_size_are_no_error() -> None:
 
 
 class Disagreeing(Valley):
-    """Values whose steps down are a tenth of what the derivatives promise: none is a minimum for a long time."""
+    """Values that fall by a hundred-thousandth of what the derivatives promise: no point passes for a minimum."""
 
     def __call__(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         value, gradient, hessian = super().__call__(points)
