@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.few_periods import at_steps_for, few_periods
+from mofit.diagnosis.few_periods import FewPeriods, at_steps_for, few_periods, with_residual
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -146,10 +147,15 @@ def project(fitted: Fitted) -> Projection:
     return Projection(basis, residual - basis @ (basis.T @ residual), triangle, fitted.free)
 
 
-def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
+def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fitted | None = None) -> Fitted:
     """Refine from starts (K, d).
 
-    ``limit`` is the sum of squares that counts: far above it a fit ends early, where hardly anything changes.
+    Parameters
+    ----------
+    limit
+        Sum of squares that counts: far above it a fit ends early, where hardly anything changes.
+    beside
+        A fit of another model to the same tests.
 
     Raises
     ------
@@ -157,7 +163,7 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
         If no start can be simulated.
     """
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
-    near = _near_minimum(model, starts, settings, 0.5 * limit) if len(starts) > 1 else None
+    near = _near_minimum(model, starts, settings, 0.5 * limit, beside) if len(starts) > 1 else None
     if near is None:
         best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     else:
@@ -169,7 +175,9 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf) -> Fitted:
     return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
-def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float) -> Minimum | None:
+def _near_minimum(
+    model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float, beside: Fitted | None
+) -> Minimum | None:
     """The best minimum where a few periods of every test count, with its value where all do.
 
     It is near that of all, at a fraction of the cost. None where that saves little, or where what is simulated does not
@@ -178,12 +186,43 @@ def _near_minimum(model: Hypothesis, starts: FloatArray, settings: RefineSetting
     few = few_periods(model)
     if few is None:
         return None
+    brief = of_few_periods(beside) if beside else None
+    if beside and brief and brief is not beside:
+        left_out = beside.minimum.value - brief.minimum.value
+        few = FewPeriods(replace(few.hypothesis, observed=brief.hypothesis.observed), left_out)
     try:
         found = best_minimum(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
     except InputError:
         return None
     whole, expected = float(model.evaluate(found.point[None])[0][0]), found.value + few.left_out
     return replace(found, value=whole) if abs(whole - expected) <= _SAME * whole else None
+
+
+def of_few_periods(fitted: Fitted) -> Fitted:
+    """The fit where a few periods of every test count; itself where that saves little, or where they tell otherwise."""
+    if fitted not in _of_few:
+        _of_few[fitted] = _in_few_periods(fitted)
+    return _of_few[fitted] or fitted
+
+
+#: Of a fit: many models are fitted beside it.
+_of_few: WeakKeyDictionary[Fitted, Fitted | None] = WeakKeyDictionary()
+
+
+def _in_few_periods(fitted: Fitted) -> Fitted | None:
+    model, point, whole = fitted.hypothesis, fitted.minimum.point[None], fitted.minimum.value
+    few = few_periods(model)
+    if few is None:
+        return None
+    short, residual = few.hypothesis.observed, few.hypothesis.linear(point).residual[0]
+    if not abs(0.5 * float(np.sum(residual**2)) + few.left_out - whole) <= _SAME * whole:
+        return None
+    rows, kept = len(model.observed.measured), len(short.measured)
+    observed = with_residual(short, model.observed, fitted.residual[:rows], residual[:kept])
+    brief = replace(few.hypothesis, observed=observed)
+    here = brief.linear(point)
+    value = 0.5 * float(np.sum(here.residual**2))
+    return Fitted(brief, replace(fitted.minimum, value=value), here.residual[0], here.jacobian[0])
 
 
 def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:
@@ -203,7 +242,7 @@ def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
         if wider is None:
             break
         starts = beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides)
-        again = fit(wider, starts, limit)
+        again = fit(wider, starts, limit, found)
         lacking = found.minimum.value - 0.5 * limit
         if found.minimum.value - again.minimum.value <= max(WORTH, HOPELESS * lacking):
             break

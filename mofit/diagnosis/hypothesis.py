@@ -220,9 +220,10 @@ def experiments_of(observed: WhitenedData, effects: Sequence[Effect]) -> Sequenc
     channels = (tuple(model.inputs), tuple(model.conditions), tuple(model.outputs))
     signals, found = known.get(channels, ((), []))
     if signals is not problem.signals:
+        tests = zip(problem.measurements, problem.signals, problem.experiments, strict=True)
         found = [
-            experiment_data(model, measurement, analysis, settled=False)
-            for measurement, analysis in zip(problem.measurements, problem.signals, strict=True)
+            experiment_data(model, measurement, analysis, settled=False).first(own.recorded)
+            for measurement, analysis, own in tests
         ]
         known[channels] = problem.signals, found
     return found

@@ -18,8 +18,9 @@ _FIRST, _PACE = 2, 8
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 _BEHIND = 0.5
-#: Nats that a start must gain over as many iterations: where values and derivatives disagree it never converges.
-_LEAST = 1e-3
+#: Nats that a start must gain over as many iterations: in a curved valley it converges slowly, and where values and
+#: derivatives disagree never.
+_LEAST = 1e-2
 
 
 def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:

@@ -252,9 +252,10 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
             scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]
         for base, added in best_extensions(level, scores, settings):
             state = state.extended(base, added, progress)
-    best = state.best.effects
-    for left_out in best if len(best) > 1 else ():
-        state = state.reached([name for name in best if name != left_out], progress)
+    if len(state.best.effects) <= count:
+        return state
+    for left_out in state.best.effects:
+        state = state.reached([name for name in state.best.effects if name != left_out], progress)
     return state.elsewhere(progress)
 
 

@@ -12,14 +12,14 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import rated
 from mofit.diagnosis.cross_validation import cross_validate
 from mofit.diagnosis.final_estimates import with_final_estimates
-from mofit.diagnosis.fitting import Fitted, fit_to
+from mofit.diagnosis.fitting import Fitted, fit_to, of_few_periods
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import HALF, Shrinkage
-from mofit.diagnosis.term_search import Trial, estimated, searched, simplest
+from mofit.diagnosis.term_search import Trial, estimated, in_all_periods, searched, simplest
 from mofit.diagnosis.term_selection import noise_of_folds, prediction_errors
 from mofit.diagnosis.terms import TermEffect
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
@@ -141,8 +141,9 @@ def propose(
         return "it is not larger than the noise of the records"
     for start in starts:
         progress("proposed term", len(trials), len(starts), " + ".join(one.name for one in start.hypothesis.effects))
-        trials.append(searched(start, least))
+        trials.append(searched(of_few_periods(start), least))
     best = simplest(trials, least)
+    best = in_all_periods(starts[trials.index(best)], best)
     if best.effect is None:
         return "no function of the model's inputs and states predicts it in data that were left out"
     noise = _at_most(noise, best.errors)

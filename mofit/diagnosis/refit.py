@@ -10,7 +10,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
-from mofit.diagnosis.few_periods import at_steps_for
+from mofit.diagnosis.few_periods import at_steps_for, few_periods
 from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
@@ -69,7 +69,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = _ended(_fitted(new, starts, limit), limit)
+            found = _ended(_fitted(new, starts, limit, fitted), limit)
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -99,7 +99,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
         values = fitted.values | {name: value for name, value in other.values.items() if name in shared}
         starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
     try:
-        again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit)
+        again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit, fitted)
         found = _ended(again, limit)
     except InputError as error:
         raise NotFittedError("no start can be simulated") from error
@@ -108,7 +108,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
     return found.without_tables()
 
 
-def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float) -> Fitted:
+def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float, beside: Fitted) -> Fitted:
     """The best fit from starts, each with as many integration steps as it needs.
 
     Raises
@@ -119,7 +119,8 @@ def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: fl
     found, failure = list[Fitted](), InputError([])
     for steps in sorted({own for own, _ in starts}):
         try:
-            found.append(fit(new.with_steps(steps), np.array([one for own, one in starts if own == steps]), limit))
+            own = np.array([start for needed, start in starts if needed == steps])
+            found.append(fit(new.with_steps(steps), own, limit, beside))
         except InputError as error:
             failure = error
     if not found:
@@ -141,11 +142,14 @@ def _inside(new: Hypothesis, found: Fitted) -> FloatArray:
 def is_reliable(found: Fitted) -> bool:
     """Whether the minimum can be simulated with half the step, and its derivatives are those of a stable integration.
 
-    A softened spring may be stable by rounding alone; and a divergent derivative says nothing of a parameter.
+    A softened spring may be stable by rounding alone; and a divergent derivative says nothing of a parameter. Judged by
+    a few periods where the inputs repeat.
     """
     if not stable(found.jacobian):
         return False
-    finer = found.hypothesis.with_steps(2 * found.hypothesis.steps)
+    few = few_periods(found.hypothesis)
+    model = few.hypothesis if few else found.hypothesis
+    finer = model.with_steps(2 * model.steps)
     return bool(finer.stays_finite(found.minimum.point[None]).all())
 
 

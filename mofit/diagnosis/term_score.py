@@ -13,7 +13,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
-from mofit.diagnosis.fitting import Fitted, Projection
+from mofit.diagnosis.fitting import Fitted, Projection, of_few_periods, project
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.smoothed_motion import fitted_readings
 from mofit.diagnosis.term_rows import Columns, columns_on, term_signals
@@ -51,18 +51,29 @@ class TermScore:
 def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
     """The function of one signal with the largest score, None if there is none.
 
-    ``projection`` is that of the fit; all is to first order, see `mofit.diagnosis.term_rows`.
+    ``projection`` is that of the fit; all is to first order, see `mofit.diagnosis.term_rows`. Where tests repeat, it is
+    searched in a few periods, and scored in all.
     """
+    brief = of_few_periods(fitted)
+    if brief is fitted:
+        return _best_term(fitted, projection)
+    found = _best_term(brief, project(brief))
+    return _best_term(fitted, projection, found) if found else None
+
+
+def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None = None) -> TermScore | None:
+    """The same among all terms, or where one is ``known`` of that alone."""
     signals = inner_signals(fitted)
-    readings, terms = fitted_readings(signals, signals.targets()), _thinned(signals.variables())
-    added = term_signals(signals, terms)
+    targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(signals.variables()))
+    readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
     found = forked_map(lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted))
     pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
     if not pairs:
         return None
     target, best = max(pairs, key=lambda pair: pair[1].statistic)
     own = [term for term in terms if term.acts_on(target)]
-    return TermScore(target, own[best.place], best.statistic, best.rows, sum(one.tried for one in found))
+    tried = known.tried if known else sum(one.tried for one in found)
+    return TermScore(target, own[best.place], best.statistic, best.rows, tried)
 
 
 @dataclass(frozen=True)

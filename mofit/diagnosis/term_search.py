@@ -159,6 +159,15 @@ def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
     return best
 
 
+def in_all_periods(start: Fitted, best: Trial) -> Trial:
+    """Terms that were found where a few periods of every test count, fitted where all do; none if they cannot be."""
+    if best.effect is None or best.fitted.hypothesis.observed is start.hypothesis.observed:
+        return best
+    here = best.fitted.minimum.point[: len(start.minimum.point)]
+    again = _fitted(start, [_Joint(best.effect.target, tuple(best.placed), (here,))])
+    return again[0] if again else Trial(start, None, prediction_errors(start))
+
+
 def simplest(trials: Sequence[Trial], least: float) -> Trial:
     """The one with the fewest parts that predicts about as well as the best; of equals the first."""
     by_parts: dict[int, list[Trial]] = {}
@@ -230,7 +239,7 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
             values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
             starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
             # no worse than without the terms
-            found = fit(at_steps_for(model, starts[0][None]), np.array(starts), 2 * start.minimum.value)
+            found = fit(at_steps_for(model, starts[0][None]), np.array(starts), 2 * start.minimum.value, start)
         except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
             return None
         # a shape at the end of its range is another form

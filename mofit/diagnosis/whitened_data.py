@@ -28,7 +28,7 @@ from mofit.simulation.scoped_simulator import ScopedSimulator
 _RANK = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WhitenedData:
     """All records of all tests as one vector of m whitened observations: its rows.
 
@@ -89,25 +89,6 @@ class WhitenedData:
     def without_stages(self) -> WhitenedData:
         """The same tests without what the stages tell: what a model lacks it may lack in their tests, too."""
         return replace(self, problem=replace(self.problem, prior=FLAT), calibrations=())
-
-    @cached_property
-    def few_periods(self) -> tuple[WhitenedData, float]:
-        """Records that repeat as their average over all periods, in rows of a few, and the squares of what differs.
-
-        See `Whitening.of_few_periods`. It is for fits alone: its lines have no classes.
-        """
-        records, measured, squares = [], [], 0.0
-        for i, (test, output, whole) in enumerate(self.records):
-            rows, few = self.measured[self.record == i], whole.of_few_periods()
-            if whole.periods:
-                signal = np.zeros((whole.start + whole.count, 1))
-                signal[whole.start :, 0] = whole.waveform(rows)
-                squares += float(np.sum((rows - whole.rows(signal)[:, 0]) ** 2))
-                rows = few.rows(signal)[:, 0]
-            records.append((test, output, few))
-            measured.append(rows)
-        record = np.repeat(np.arange(len(records)), [len(rows) for rows in measured])
-        return replace(self, records=tuple(records), measured=np.concatenate(measured), record=record), squares
 
     @cached_property
     def test(self) -> NDArray[np.int64]:

@@ -17,6 +17,8 @@ from mofit.diagnosis.causal_filter import CausalFilter
 _FEWEST_PERIODS = 1.99
 #: Share of their length by which a few periods may miss whole samples, and still repeat well enough to start from.
 _MISSED = 1e-3
+#: Share of a record at the end of which a few periods of it may lie: a model settles later than the rig may have.
+_SETTLING = 0.125
 #: Share of the power of a signal that repeats which may lie beside its harmonics: noise of an input.
 _ELSEWHERE = 0.01
 
@@ -134,13 +136,25 @@ class Whitening:
         """
         if not self.periods:
             return self
-        samples = np.arange(1, self.periods + 1) * self.count / self.periods
+        samples = np.arange(1, self.periods + 1) * self.period / self.step
         missed = np.abs(samples - np.round(samples)) / samples
         periods = 1 + int(np.argmax(missed <= max(_MISSED, missed.min())))
-        count, old = round(float(samples[periods - 1])), self.process
+        count, old = min(round(float(samples[periods - 1])), self.count), self.process
+        later = min(max(int(_SETTLING * self.count) - count, 0), self.count - count)
         lines = np.arange(count // 2 + 1) / count
         spectrum = np.interp(lines, np.arange(len(old.spectrum)) / self.count, old.spectrum) * count / self.count
-        return replace(self, periods=periods, process=replace(old, level=old.level[:count], spectrum=spectrum))
+        process = replace(old, level=old.level[later : later + count], spectrum=spectrum)
+        return replace(self, start=self.start + later, periods=periods, process=process)
+
+    def rows_among(self, whole: Whitening) -> NDArray[np.intp]:
+        """Of a few periods: where every row is among those of all, (rows,); -1 beside the harmonics."""
+        number, length = self.line_of_row, whole.count // 2 + 1
+        harmonic, beside = np.divmod(number, self.periods)
+        line, imaginary = harmonic * whole.periods, np.arange(len(number)) >= self.count // 2 + 1
+        place = np.searchsorted(whole._rows, line + imaginary * length)
+        known = (beside == 0) & (line < length) & (place < len(whole._rows))
+        place = np.where(known, place, -1)
+        return np.where(whole._rows[place] == line + imaginary * length, place, -1)
 
     def waveform(self, rows: FloatArray) -> FloatArray:
         """What repeats of a signal, from its rows (rows,), as the used samples (n,)."""

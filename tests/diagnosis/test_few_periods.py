@@ -1,5 +1,7 @@
 """A few periods tell of what repeats what all of them tell, and a fit that begins with them ends where another does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from damper_rig import damper_fit
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods
-from mofit.diagnosis.fitting import fit
+from mofit.diagnosis.fitting import fit, of_few_periods
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
 from mofit.diagnosis.whitening import whitening
@@ -45,11 +47,28 @@ def test_rows_of_what_repeats_are_those_of_a_few_periods(periods, samples, start
     whole = whitening(noisy, np.arange(count) >= start, STEP, record, 1.0)
     few = whole.of_few_periods()
     assert few.count <= max(whole.count / 2, 6 * samples)
+    # it ends within the record, and where there is time after an eighth of it
+    assert whole.count / 8 - few.count <= few.start + few.count - start <= max(whole.count / 8, few.count)
     all_rows, own = whole.rows(signal[:, None])[:, 0], few.rows(signal[:, None])[:, 0]
     size = 1e-6 + np.linalg.norm(all_rows)
     assert np.linalg.norm(own) == pytest.approx(np.linalg.norm(all_rows), abs=1e-6 * size)
-    lines, brief = whole.white_lines(all_rows), few.white_lines(own)
-    np.testing.assert_allclose(brief[:: few.periods][:4], lines[:: whole.periods][:4], atol=1e-6 * size)
+    lines, brief = whole.white_lines(all_rows)[:: whole.periods][:4], few.white_lines(own)[:: few.periods][:4]
+    later = np.exp(2j * np.pi * np.arange(4) * (few.start - start) / samples)
+    np.testing.assert_allclose(brief, lines * later, atol=1e-6 * size)
+
+
+def test_rows_of_a_few_periods_are_found_among_those_of_all() -> None:
+    count = 400
+    record = SignalAnalysis(20 * STEP, 0, 0.0, 0.0, {}, "", {})
+    angle = 2 * np.pi * np.arange(count) / 20
+    noisy = np.cos(angle) + np.random.default_rng(0).standard_normal(count)
+    whole = whitening(noisy, np.ones(count, dtype=bool), STEP, record, 1.0)
+    few = whole.of_few_periods()
+    place = few.rows_among(whole)
+    assert len(place) == few.count
+    np.testing.assert_array_equal(whole.line_of_row[place] * few.periods, few.line_of_row * whole.periods)
+    # a sine and a cosine are told apart
+    assert len(set(place)) == len(place)
 
 
 def test_a_record_that_does_not_repeat_stays_whole(rng: np.random.Generator) -> None:
@@ -77,6 +96,36 @@ def test_the_squares_are_those_of_all_periods() -> None:
     whole = model.evaluate(point[None])[0][0]
     assert few.hypothesis.evaluate(point[None])[0][0] + few.left_out == pytest.approx(whole, rel=0.01)
     assert at_steps_for(model, point[None]).steps == model.at_steps_for(point[None]).steps
+
+
+def test_beside_a_fit_few_periods_tell_of_another_model_what_all_tell() -> None:
+    fitted = damper_fit()
+    brief = of_few_periods(fitted)
+    assert brief is not fitted
+    model, point = with_effect("dry_friction", 0.02, 0.6)
+    few = few_periods(model)
+    assert few is not None
+    beside = replace(few.hypothesis, observed=brief.hypothesis.observed)
+    less = model.evaluate(point[None])[0][0] - fitted.minimum.value
+    assert abs(less) > 50
+    assert beside.evaluate(point[None])[0][0] - brief.minimum.value == pytest.approx(less, rel=0.01)
+    # what it leaves is what repeats of that of the whole tests, in the samples that smoothing reads, too
+    observed, short, rows = (
+        fitted.hypothesis.observed,
+        brief.hypothesis.observed,
+        len(brief.hypothesis.observed.measured),
+    )
+    simulated = brief.hypothesis.outputs(brief.minimum.point[None])
+    for i, (test, output, w) in enumerate(short.records):
+        whole = observed.records[i][2]
+        left = whole.waveform(fitted.residual[: len(observed.measured)][observed.record == i])
+        place = w.start - whole.start
+        expected = w.rows(np.pad(left[place : place + w.count], (w.start, 0))[:, None])[:, 0]
+        np.testing.assert_allclose(brief.residual[:rows][short.record == i], expected, atol=1e-6)
+        used = simulated[test][0][0, w.start : w.start + w.count, output]
+        np.testing.assert_allclose(
+            short.used_samples(i) - used, left[place : place + w.count], atol=1e-6 * np.ptp(used)
+        )
 
 
 def test_an_effect_that_does_not_repeat_is_fitted_to_all() -> None:

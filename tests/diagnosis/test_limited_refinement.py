@@ -34,11 +34,12 @@ def refined(limit: float) -> tuple[float, np.ndarray, int]:
     return found.value, found.point, valley.evaluations
 
 
-@pytest.mark.parametrize("limit", [np.inf, FLOOR, FLOOR + 60])
-def test_what_may_reach_the_limit_is_fitted_in_full(limit: float) -> None:
+@pytest.mark.parametrize(("limit", "within"), [(np.inf, 1e-6), (FLOOR, 1e-2), (FLOOR + 60, 1e-2)])
+def test_what_may_reach_the_limit_is_fitted_to_what_counts_beside_it(limit: float, within: float) -> None:
     value, point, _ = refined(limit)
-    assert value == pytest.approx(FLOOR, abs=1e-6)
-    np.testing.assert_allclose(point, 0.75, atol=1e-4)
+    assert value == pytest.approx(FLOOR, abs=within)
+    # of a curved valley: a hundredth of a nat is a seventh of a standard deviation
+    np.testing.assert_allclose(point, 0.75, atol=1e-4 if within < 1e-3 else 0.05)
 
 
 def test_what_cannot_reach_it_ends_early_and_hardly_above() -> None:

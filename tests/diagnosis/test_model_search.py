@@ -106,7 +106,11 @@ def fitted(steps, diverges_from, slope=1.0):
 
     def model(steps):
         finite = np.array([steps < diverges_from])
-        return SimpleNamespace(steps=steps, with_steps=model, stays_finite=lambda u: finite)
+        # of a user's simulator, which is never cut to a few periods
+        observed = SimpleNamespace(problem=SimpleNamespace(evaluations=object()))
+        simulator = SimpleNamespace(experiments=())
+        rest = {"observed": observed, "simulator": simulator}
+        return SimpleNamespace(steps=steps, with_steps=model, stays_finite=lambda u: finite, **rest)
 
     minimum = SimpleNamespace(point=np.zeros(2))
     return SimpleNamespace(hypothesis=model(steps), minimum=minimum, jacobian=np.full((3, 2), slope))
