@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.beside import processes
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, project
@@ -26,6 +27,7 @@ from mofit.diagnosis.removed_share import Squares, interval, joined
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
+from mofit.runtime.parallel import forked_map
 
 #: Four Gauss–Newton steps from the minimum of all tests to that of all but one, which is near; the damping keeps flat
 #: directions solvable.
@@ -188,9 +190,12 @@ def _predicted(
         return
     baseline, best = found.baseline, found.best.fitted
     observed, rows = baseline.hypothesis.observed, len(reference.rows)
-    folds = [leave_out(fitted, [one.tests for one in left_out], settings) for fitted in (baseline, best)]
-    linear = [model.linear(points) for model, points in folds]
-    outputs = [[test for test, _ in model.outputs(points)] for model, points in folds]
+
+    def folds(fitted: Fitted) -> tuple[Linear, list[FloatArray]]:
+        model, points = leave_out(fitted, [one.tests for one in left_out], settings)
+        return model.linear(points), [test for test, _ in model.outputs(points)]
+
+    linear, outputs = zip(*forked_map(folds, (baseline, best), processes(baseline)), strict=True)
     response = -best.jacobian[:rows, best.free]
     for k, group in enumerate(left_out):
         here = np.isin(observed.test, group.tests)

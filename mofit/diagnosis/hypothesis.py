@@ -217,19 +217,21 @@ def experiments_of(observed: WhitenedData, effects: Sequence[Effect]) -> Sequenc
         return problem.experiments
     model = with_effects(problem.model, *effects)
     known = _extended.setdefault(problem.experiments[0], {})
-    channels = (tuple(model.inputs), tuple(model.conditions), tuple(model.outputs))
-    signals, found = known.get(channels, ((), []))
+    lengths = tuple(experiment.recorded for experiment in problem.experiments)
+    read = (tuple(model.inputs), tuple(model.conditions), tuple(model.outputs), lengths)
+    signals, found = known.get(read, ((), []))
     if signals is not problem.signals:
         tests = zip(problem.measurements, problem.signals, problem.experiments, strict=True)
         found = [
             experiment_data(model, measurement, analysis, settled=False).first(own.recorded)
             for measurement, analysis, own in tests
         ]
-        known[channels] = problem.signals, found
+        known[read] = problem.signals, found
     return found
 
 
-#: Of a problem, by its first test, with which they go, and the channels and conditions read: tables are shared by test.
+#: Of a problem, by its first test, with which they go, and the channels, conditions and samples read: tables are shared
+#: by test.
 _extended: WeakKeyDictionary[
     ExperimentData, dict[Hashable, tuple[Sequence[SignalAnalysis], Sequence[ExperimentData]]]
 ] = WeakKeyDictionary()

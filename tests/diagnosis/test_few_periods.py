@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods
 from mofit.diagnosis.fitting import fit, of_few_periods
-from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
 from mofit.diagnosis.whitening import whitening
 from mofit.models import Applied, Channel, Effect, find_effect
@@ -126,6 +126,17 @@ def test_beside_a_fit_few_periods_tell_of_another_model_what_all_tell() -> None:
         np.testing.assert_allclose(
             short.used_samples(i) - used, left[place : place + w.count], atol=1e-6 * np.ptp(used)
         )
+
+
+def test_inputs_of_effects_end_with_their_tests() -> None:
+    """Also where the first test is whole: it is the same object then, in whole and in cut ones."""
+    observed, drift = damper_fit().hypothesis.observed, [find_effect("drift")]
+    whole = [one.recorded for one in experiments_of(observed, drift)]
+    first, *others = observed.problem.experiments
+    few = replace(observed.problem, experiments=(first, *(one.first(50) for one in others)))
+    short = [one.recorded for one in experiments_of(replace(observed, problem=few), drift)]
+    assert short == [whole[0], *(50 for _ in others)]
+    assert min(whole) > 50
 
 
 def test_an_effect_that_does_not_repeat_is_fitted_to_all() -> None:
