@@ -98,6 +98,15 @@ class Conclusion:
         sets = [one.families for one in self.indistinguishable]
         return bool(sets) and not frozenset.intersection(*sets)
 
+    @property
+    def replaceable(self) -> bool:
+        """Whether a term that explains more shows the causes to be none: in doubt, or wrong constants alone.
+
+        A law that explains most of a gap may be the right one, of which the term is a refinement; a constant has none.
+        """
+        constants = all(one.families == {CALIBRATION_ERROR} for one in self.indistinguishable)
+        return self.in_doubt or (bool(self.indistinguishable) and constants)
+
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:
     """Effects that are in some of several sets, but not in all."""
@@ -183,7 +192,7 @@ def conclude(
 
 
 def replaced_by_term(conclusion: Conclusion) -> Conclusion:
-    """`unknown` in place of a main cause in doubt, instead of which a term is proposed."""
+    """`unknown` in place of a main cause that is `replaceable`, instead of which a term is proposed."""
     best = conclusion.indistinguishable[0].effects
     nearest_ones, others = (
         [one.title for one in conclusion.effects if (one.name in best) == chosen] for chosen in (True, False)

@@ -250,9 +250,9 @@ def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Pro
 
 
 def _with_term(ending: _Ending, proposed: Proposal) -> _Ending:
-    """The ending with the term in its sentence; a cause in doubt that the term replaces is none."""
+    """The ending with the term in its sentence; a cause that the term shows to be none is left out."""
     conclusion = ending.conclusion
-    if proposed.instead and conclusion.in_doubt:
+    if proposed.instead and conclusion.replaceable:
         conclusion = replaced_by_term(conclusion)
         ending = replace(ending, shrinkage=None, reason="a term explains the gap better than the nearest known effect")
     return replace(ending, conclusion=replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}"))

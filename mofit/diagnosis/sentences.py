@@ -77,9 +77,9 @@ def refuted(titles: Sequence[str], contradicting: Sequence[str]) -> str:
 
 
 def replaced(titles: Sequence[str], others: Sequence[str]) -> str:
-    """That the best model cannot be told from others, and that a term explains more without it."""
-    doubt = f"cannot be told from {' or '.join(others)}"
-    return f". The nearest, {' with '.join(titles)}, {doubt}, and a term explains more without it"
+    """That the best model cannot be told from others, if there are any, and that a term explains more without it."""
+    doubt = f"cannot be told from {' or '.join(others)}, and" if others else "explains most of it, but"
+    return f". The nearest, {' with '.join(titles)}, {doubt} a term explains more without it"
 
 
 def contradicted(contradicting: Sequence[str], laws: int = 1) -> str:

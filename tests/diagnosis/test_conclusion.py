@@ -254,6 +254,30 @@ def test_a_cause_is_in_doubt_if_no_family_is_sure(sets, in_doubt):
     assert like(*sets).in_doubt == in_doubt
 
 
+@pytest.mark.parametrize(
+    ("sets", "replaceable"),
+    [
+        ((("calibration error",),), True),
+        ((("calibration error", "friction"),), False),
+        ((("calibration error",), ("calibration error", "friction")), False),
+        ((("friction",),), False),
+        ((("friction",), ("drift",)), True),
+        ((), False),
+    ],
+)
+def test_a_wrong_constant_has_no_law_that_a_term_would_refine(sets, replaceable):
+    assert like(*sets).replaceable == replaceable
+
+
+def test_a_wrong_constant_that_a_term_replaces_is_none():
+    found = replaced_by_term(like(("calibration error",)))
+    assert found.verdict == "unknown"
+    assert found.sentence == (
+        "None of the known effects explains the gap. The nearest, calibration error, explains most of it, but a term "
+        "explains more without it."
+    )
+
+
 def test_a_cause_in_doubt_that_a_term_replaces_is_none():
     found = replaced_by_term(like(("compliance",), ("gain",)))
     assert found.verdict == "unknown"
