@@ -100,9 +100,9 @@ class Conclusion:
 
     @property
     def replaceable(self) -> bool:
-        """Whether a term that explains more shows the causes to be none: in doubt, or wrong constants alone.
+        """Whether a term that explains more shows the causes to be none: in doubt, or errors of the calibration alone.
 
-        A law that explains most of a gap may be the right one, of which the term is a refinement; a constant has none.
+        A law that explains most of a gap may be the right one, which the term refines; a wrong constant has none.
         """
         constants = all(one.families == {CALIBRATION_ERROR} for one in self.indistinguishable)
         return self.in_doubt or (bool(self.indistinguishable) and constants)

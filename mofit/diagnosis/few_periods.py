@@ -76,14 +76,15 @@ _averaged: WeakKeyDictionary[WhitenedData, tuple[WhitenedData, float]] = WeakKey
 def _average(observed: WhitenedData) -> tuple[WhitenedData, float]:
     records, found, squares = list[tuple[int, int, Whitening]](), [], 0.0
     tests, share = list(observed.problem.experiments), np.broadcast_to(observed.noise_share, len(observed.measured))
-    ends = [0] * len(tests)
+    ends, phase = [0] * len(tests), np.array(observed.phase)
     for i, (test, output, whole) in enumerate(observed.records):
         here, few = np.flatnonzero(observed.record == i), whole.of_few_periods()
         rows, place = observed.measured[here], np.arange(len(here))
         if whole.periods:
-            signal = repeating(whole, rows)
+            signal = _repeating(whole, rows)
             squares += float(np.sum((rows - whole.rows(signal)[:, 0]) ** 2))
             rows, place = few.rows(signal)[:, 0], few.rows_among(whole)
+            phase[i] += 2 * np.pi * (few.start - whole.start) * whole.step / whole.period
             measured = np.array(tests[test].measured)
             measured[whole.start : len(signal), output] = signal[whole.start :, 0]
             tests[test] = tests[test].changed(measured=measured)
@@ -101,12 +102,13 @@ def _average(observed: WhitenedData) -> tuple[WhitenedData, float]:
         record=record,
         line=line,
         spectral_class=classes,
+        phase=phase,
         noise_share=share,
     )
     return short, squares
 
 
-def repeating(whole: Whitening, rows: FloatArray) -> FloatArray:
+def _repeating(whole: Whitening, rows: FloatArray) -> FloatArray:
     """What repeats of a record, from its rows (rows,), as its samples up to the last used, (samples, 1)."""
     signal = np.zeros((whole.start + whole.count, 1))
     signal[whole.start :, 0] = whole.waveform(rows)
@@ -124,7 +126,7 @@ def with_residual(short: WhitenedData, whole: WhitenedData, residual: FloatArray
         own, w = short.record == i, whole.records[i][2]
         if not w.periods:
             continue
-        wanted[own] = few.rows(repeating(w, residual[whole.record == i]))[:, 0]
+        wanted[own] = few.rows(_repeating(w, residual[whole.record == i]))[:, 0]
         measured, used = np.array(tests[test].measured), slice(few.start, few.start + few.count)
         measured[used, output] += few.signal(wanted[own] - present[own])
         tests[test] = tests[test].changed(measured=measured)

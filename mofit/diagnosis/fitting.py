@@ -183,19 +183,27 @@ def _near_minimum(
     It is near that of all, at a fraction of the cost. None where that saves little, or where what is simulated does not
     repeat.
     """
-    few = few_periods(model)
+    few = _few_periods(model, beside)
     if few is None:
         return None
-    brief = of_few_periods(beside) if beside else None
-    if beside and brief and brief is not beside:
-        left_out = beside.minimum.value - brief.minimum.value
-        few = FewPeriods(replace(few.hypothesis, observed=brief.hypothesis.observed), left_out)
     try:
         found = best_minimum(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
     except InputError:
         return None
     whole, expected = float(model.evaluate(found.point[None])[0][0]), found.value + few.left_out
     return replace(found, value=whole) if abs(whole - expected) <= _SAME * whole else None
+
+
+def _few_periods(model: Hypothesis, beside: Fitted | None) -> FewPeriods | None:
+    """The model where a few periods of every test count; what they leave out is taken from a fit beside, if any."""
+    few = few_periods(model)
+    if few is None or beside is None:
+        return few
+    brief = of_few_periods(beside)
+    if brief is beside:
+        return few
+    moved = replace(few.hypothesis, observed=brief.hypothesis.observed)
+    return FewPeriods(moved, beside.minimum.value - brief.minimum.value)
 
 
 def of_few_periods(fitted: Fitted) -> Fitted:
