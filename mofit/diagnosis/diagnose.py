@@ -131,7 +131,7 @@ def _diagnosed(
     ]
     first = investigate(baseline, chosen, rules, settings.seed, progress)
     observed = first.found.baseline.hypothesis.observed
-    case, ending = _graded(first, observed, chosen, records, settings.seed, progress)
+    case, ending = _graded(first, observed, records, settings.seed, progress)
     proposed = _proposed(first, case, ending, settings.seed, progress)
     if isinstance(proposed, Proposal):
         ending = _with_term(ending, proposed)
@@ -221,17 +221,12 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
 
 
 def _graded(
-    first: Case,
-    observed: WhitenedData,
-    effects: Sequence[Effect],
-    records: Campaign | None,
-    seed: int,
-    progress: Progress,
+    first: Case, observed: WhitenedData, records: Campaign | None, seed: int, progress: Progress
 ) -> tuple[Case, _Ending]:
     """The case with its ending; where it explains the gap by nothing, that of a main cause if there is one."""
     whole = _ending(first, observed, records, seed, progress)
     if whole.conclusion.verdict == "unknown":
-        for case in main_causes(first, effects, seed, progress):
+        for case in main_causes(first, seed, progress):
             ending = _ending(case, observed, records, seed, progress)
             if ending.conclusion.verdict != "unknown":
                 return case, ending

@@ -10,7 +10,7 @@ import numpy as np
 from mofit.diagnosis.baseline import fit_baseline, with_noise_of
 from mofit.diagnosis.beside import prepared
 from mofit.diagnosis.candidate_model import CandidateModel, probabilities_of_causes, share_left
-from mofit.diagnosis.candidates import Candidate
+from mofit.diagnosis.candidates import Candidate, rescaled
 from mofit.diagnosis.conclusion import Conclusion, conclude
 from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.model_search import Attribution, attribute
@@ -133,27 +133,25 @@ def _falls(before: WhitenedData, after: WhitenedData) -> bool:
     return any(new < _PART_WAS_GAP * old for old, new in powers)
 
 
-def _investigated(
-    baseline: Fitted,
-    effects: Sequence[Effect],
-    settings: DiagnosisSettings,
-    progress: Progress,
-    *,
-    promising_only: bool = False,
-) -> Case:
+def _investigated(baseline: Fitted, effects: Sequence[Effect], settings: DiagnosisSettings, progress: Progress) -> Case:
     every = prepared(baseline, effects, progress)
-    candidates = _integrating(every)
-    found = attribute(baseline, candidates, settings, progress, promising_only=promising_only)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
-    before, after = residual_map(baseline), residual_map(found.best.fitted)
-    return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+    found = attribute(baseline, _integrating(every), settings, progress)
+    return _case(settings, _integrating(every), stiff, found)
 
 
 def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:
     return [one for one in candidates if one.integrates]
 
 
-def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Progress) -> Iterator[Case]:
+def _case(
+    settings: DiagnosisSettings, candidates: Sequence[Candidate], stiff: Mapping[str, str], found: Attribution
+) -> Case:
+    before, after = residual_map(found.baseline), residual_map(found.best.fitted)
+    return Case(settings, candidates, stiff, found, before, after, conclude(found, before, after, settings))
+
+
+def main_causes(case: Case, seed: int, progress: Progress) -> Iterator[Case]:
     """Main causes of a gap that nothing explains: as few effects as stand out.
 
     Where none does, the noise may hide it: most of the weight lies on the lines with the least noise, though what a
@@ -165,11 +163,13 @@ def main_causes(case: Case, effects: Sequence[Effect], seed: int, progress: Prog
             yield replace(fewer, is_main=True)
     ignored = case.settings.resolution * case.before.relative
     baseline = case.found.baseline
-    noisy = with_discrepancy(baseline.hypothesis.observed, ignored)
+    observed = baseline.hypothesis.observed
+    noisy = with_discrepancy(observed, ignored)
     fitted = fit_baseline(noisy, baseline.minimum.point, seed)
-    again = _investigated(fitted, effects, case.settings, progress, promising_only=True)
-    if stands_out(again.found, case.settings):
-        yield replace(again, ignored=ignored, is_main=True)
+    candidates = rescaled(case.candidates, observed, noisy)
+    found = attribute(fitted, candidates, case.settings, progress, promising_only=True)
+    if stands_out(found, case.settings):
+        yield replace(_case(case.settings, candidates, case.stiff, found), ignored=ignored, is_main=True)
 
 
 def stands_out(found: Attribution, settings: DiagnosisSettings) -> bool:

@@ -31,9 +31,13 @@ seed 11549 to fits of all effects before two are named, and to inputs that are l
 with the strangers of all these seeds to causes that must be seen to help, to terms learnt without the calibration
 stages, to a saturation among them, and to a residual test of functions of the model's own signals.
 
+Strangers are no effect of the catalogue: a bump stop, a damping that grows with the deflection, an amplifier's knee, a
+dead band, a gain of one sign alone, a rectified crosstalk of the drive, a gain that walks at random, a subharmonic.
+
 Right is: `none` without an effect; the effect as the first one named; the family as the first one named (`group`,
 `several` and `partly`: among those named); `unknown` of a stranger. A bump stop is a spring that stiffens with its
-stroke, a gain that walks a drift: whoever names that family says nothing false, and a row of its own counts it. The gap
+stroke, a gain that walks a drift, a damping that grows one that is not linear: whoever names that family says nothing
+false, and a row of its own counts it. The gap
 is measured against noise-free records that no fit saw: of the same kind and within the amplitudes, a larger one, and of
 another kind of excitation; not without encoder, where the angle there is anyone's guess. Rows that the work folder
 holds already are kept. `--limit` takes that many campaigns at random; `--only` those that every text fits, of rig,

@@ -83,6 +83,8 @@ def test_a_structure_follows_its_closed_form():
         ({"quadratic": 0.2}, lambda x, v: 0.2 * v * abs(v)),
         ({"power": 0.2}, lambda x, v: 0.2 * v * np.sqrt(abs(v))),
         ({"bump": 0.2}, lambda x, v: 0.5 * np.maximum(x - 0.6, 0)),
+        ({"film": 0.2}, lambda x, v: 0.2 * x**2 * v),
+        ({"crosstalk": 0.2}, lambda x, v: 0.2 * abs(v)),
     ],
 )
 def test_a_damper_has_the_laws_of_its_cases(knobs, law):
@@ -134,7 +136,7 @@ def test_an_effect_is_as_strong_as_asked():
     assert with_twice == pytest.approx(2 * found.gap, rel=1e-6)
 
 
-@pytest.mark.parametrize("knob", ["knee", "dead_band", "subharmonic", "load_lag"])
+@pytest.mark.parametrize("knob", ["knee", "dead_band", "one_sided", "subharmonic", "load_lag"])
 def test_a_law_does_not_depend_on_the_records_beside(knob):
     rng = np.random.default_rng(3)
     rig, tests = RIGS["damper"], planned(rng, "sine", rolling=False, settled=False)

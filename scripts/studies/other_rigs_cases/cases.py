@@ -62,6 +62,9 @@ CASES = (
     Case("subharmonic", "stranger", "subharmonic", most=0.3, excitations=("sine", "chirp")),
     Case("wheel order", "no encoder", "wheel_order", "non-uniformity of rotating parts", "wheel_order", 0.3, ("tyre",)),
     Case("drum order", "no encoder", "drum", "non-uniformity of rotating parts", "drum_runout", 0.3, ("tyre",)),
+    Case("damping that grows with the deflection", "stranger", "film", most=2.0, akin="non-linear damping"),
+    Case("one-sided gain", "stranger", "one_sided", most=0.6),
+    Case("rectified crosstalk of the drive", "stranger", "crosstalk", most=0.3),
 )
 
 

@@ -64,6 +64,10 @@ class Element:
         slope = 2 * self.k["quadratic"] * size + 1.5 * self.k["power"] * np.sqrt(size)
         return self.reach.force / self.reach.rate * slope
 
+    def film(self, x: Any, v: Any) -> Any:
+        """Force of a damping that grows with the square of the deflection."""
+        return self.reach.force * self.k["film"] * (x / self.reach.deflection) ** 2 * v / self.reach.rate
+
     def branches(self, z: Any) -> Any:
         """Force of relaxing branches, beside the spring."""
         return z[: len(self.times)].sum(axis=0)
@@ -96,7 +100,7 @@ class Element:
 
 NAMES = (
     "cubic", "asymmetric", "bump", "sinh", "quadratic", "power", "dahl", "stribeck", "branch", "broad", "force_drift",
-    "warm_damper",
+    "warm_damper", "film",
 )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ def _damper(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, float]
         z = integrate(lambda k, z: hidden.rates(v[k], v[k], z), z[0], len(u))
     x, v, clock, states = u[::2], v[::2], clock[::2], np.moveaxis(z, 1, 0)
     spring = hidden.spring_factor(clock) * p["c"] * (1 + p["p"] * np.abs(x)) * x + hidden.spring(x)
-    damper = hidden.damper_factor(clock) * p["d"] * v + hidden.damper(v)
+    damper = hidden.damper_factor(clock) * p["d"] * v + hidden.damper(v) + hidden.film(x, v)
     return Motion(spring + damper + hidden.branches(states) + hidden.rubbing(states) + p["offset"], x, v)
 
 
@@ -55,7 +55,8 @@ def _oscillator(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, fl
 
     def forces(x: FloatArray, v: FloatArray, inner: FloatArray, clock: FloatArray) -> FloatArray:
         spring = hidden.spring_factor(clock) * p["k"] * x + hidden.spring(x) + hidden.branches(inner)
-        return np.asarray(spring + hidden.damper_factor(clock) * p["d"] * v + hidden.damper(v) + hidden.rubbing(inner))
+        damper = hidden.damper_factor(clock) * p["d"] * v + hidden.damper(v) + hidden.film(x, v)
+        return np.asarray(spring + damper + hidden.rubbing(inner))
 
     z = integrate(rates, np.zeros((2 + hidden.states, drive.u.shape[1])), len(drive.u))
     return Motion(z[:, 0] + p["offset"], z[:, 0], z[:, 1])
@@ -89,6 +90,7 @@ def _joint(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, float])
             + hidden.spring(x)
             + hidden.branches(inner)
             + p["d"] * (motor - link)
+            + hidden.film(x, motor - link)
         )
         bearing = hidden.damper_factor(clock) * p["b"] * motor + hidden.damper(motor) + hidden.rubbing(inner)
         moved = [motor - link, (drive.u[k] - bearing - gear) / p["J"], gear / p["J_l"]]
@@ -121,7 +123,8 @@ def _structure(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, flo
         """Acceleration of the first mass; states come first in z."""
         x, v, y, w, inner = z[0], z[1], z[2], z[3], z[4:]
         ground = hidden.spring_factor(clock) * p["k_1"] * x + hidden.spring(x) + hidden.branches(inner)
-        ground = ground + hidden.damper_factor(clock) * p["d_1"] * v + hidden.damper(v) + hidden.rubbing(inner)
+        ground = ground + hidden.damper_factor(clock) * p["d_1"] * v + hidden.damper(v) + hidden.film(x, v)
+        ground = ground + hidden.rubbing(inner)
         return np.asarray((u - ground - p["k_2"] * (x - y) - p["d_2"] * (v - w)) / p["m_1"])
 
     def rates(k: int, z: FloatArray) -> FloatArray:

@@ -64,6 +64,8 @@ def bent(y: FloatArray, knobs: Mapping[str, float], size: float) -> FloatArray:
         y = y - share * np.sign(y) * np.maximum(np.abs(y) - 0.4 * size, 0)
     if share := knobs.get("dead_band"):
         y = y - np.clip(y, -share * size, share * size)
+    if share := knobs.get("one_sided"):
+        y = y - share * np.minimum(y, 0)
     return y
 
 
@@ -92,6 +94,8 @@ def _disturbed(
     if share := knobs.get("wheel_order"):
         turned = np.stack([ROTATION * test.speed * time + test.angle for test in tests], axis=1)
         y = y + share * size * np.cos(turned)
+    if share := knobs.get("crosstalk"):
+        y = y + share * size * np.abs(np.stack([test.drive(time)[1] for test in tests], axis=1))
     y = bent(y, knobs, size)
     if share := knobs.get("gain_walk"):
         count = COUNT + lead(tests)

@@ -66,7 +66,7 @@ def _respond(p: Values, hidden: Element, drive: Drive, knobs: Mapping[str, float
         """Of the deflection, m/s."""
         factor = hidden.spring_factor(drive.clock[k])
         held = factor * carcass(p, z[0]) + hidden.spring(z[0]) + z[1] + hidden.branches(z[2:]) + hidden.rubbing(z[2:])
-        damper = hidden.damper_factor(drive.clock[k]) * p["d_y"] + give[k]
+        damper = hidden.damper_factor(drive.clock[k]) * p["d_y"] + hidden.film(z[0], TIME) + give[k]
         load = steady[k] - held
         v = load / damper
         for _ in range(NEWTON if knobs.keys() & {"quadratic", "power"} else 0):
