@@ -30,6 +30,10 @@ from mofit.models.effect import CALIBRATION_ERROR
 
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
+#: Families whose law has no shape, only a coefficient or none: no term refines it.
+WITHOUT_SHAPE = frozenset(
+    {CALIBRATION_ERROR, "compliance", "inertia", "load coupling", "sensor error", "speed error", "spin slip"}
+)
 
 
 @dataclass(frozen=True)
@@ -100,12 +104,13 @@ class Conclusion:
 
     @property
     def replaceable(self) -> bool:
-        """Whether a term that explains more shows the causes to be none: in doubt, or errors of the calibration alone.
+        """Whether a term that explains more shows the causes to be none: in doubt, or all `WITHOUT_SHAPE`.
 
-        A law that explains most of a gap may be the right one, which the term refines; a wrong constant has none.
+        A law that explains most of a gap may be the right one, which the term refines; a wrong constant, or a coupling
+        by one coefficient, is right or is not.
         """
-        constants = all(one.families == {CALIBRATION_ERROR} for one in self.indistinguishable)
-        return self.in_doubt or (bool(self.indistinguishable) and constants)
+        without = all(one.families <= WITHOUT_SHAPE for one in self.indistinguishable)
+        return self.in_doubt or (bool(self.indistinguishable) and without)
 
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:

@@ -6,13 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mofit.diagnosis.conclusion import Conclusion, NamedEffect, doubtful_effects, in_order, replaced_by_term
+from mofit.diagnosis.conclusion import (
+    WITHOUT_SHAPE,
+    Conclusion,
+    NamedEffect,
+    doubtful_effects,
+    in_order,
+    replaced_by_term,
+)
 from mofit.diagnosis.grades import Finding
 from mofit.diagnosis.left_residual import Residuals, ResidualTest
 from mofit.diagnosis.residual_map import Location
 from mofit.diagnosis.sentences import cause, contradicted, left_over, nearest, refuted, unexplained
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import HoldOut, Share, Shrinkage
+from mofit.models.registry import effect_names, find_effect
 
 
 @pytest.mark.parametrize(
@@ -260,13 +268,19 @@ def test_a_cause_is_in_doubt_if_no_family_is_sure(sets, in_doubt):
         ((("calibration error",),), True),
         ((("calibration error", "friction"),), False),
         ((("calibration error",), ("calibration error", "friction")), False),
+        ((("load coupling",),), True),
+        ((("load coupling", "friction"),), False),
         ((("friction",),), False),
         ((("friction",), ("drift",)), True),
         ((), False),
     ],
 )
-def test_a_wrong_constant_has_no_law_that_a_term_would_refine(sets, replaceable):
+def test_what_has_no_shape_is_not_refined_by_a_term(sets, replaceable):
     assert like(*sets).replaceable == replaceable
+
+
+def test_families_without_shape_are_families_of_the_catalogue():
+    assert {find_effect(name).cause for name in effect_names()} >= WITHOUT_SHAPE
 
 
 def test_a_wrong_constant_that_a_term_replaces_is_none():
