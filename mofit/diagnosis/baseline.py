@@ -30,8 +30,12 @@ from mofit.models import Model
 from mofit.parameters import ParameterSpace
 from mofit.problem import explained
 
-#: Starts of the baseline beside those given; and the most minima of a search among these.
-_STARTS, _MINIMA = 7, 8
+#: Starts of the baseline beside those given, the most minima of a search among these, and starts of a further round.
+_STARTS, _MINIMA, _FURTHER = 7, 8, 31
+#: Descents that must end in the best minimum, and the most further rounds until they do: n descents, m of which end
+#: there, miss one that is half as common with a chance of (1 - m / (2 n))^n, at most exp(-m / 2) or 5 %.
+#: Where fewer than `_LEAST` do even then, the box is searched.
+_AGREEING, _ROUNDS, _LEAST = 6, 4, 2
 #: Rounds in which the baseline and the noise of records that do not repeat are estimated in turn.
 _NOISE_ROUNDS = 2
 #: Least share of the noise's power that a residual holds where that is noise: it is known better than to a factor of 2.
@@ -76,18 +80,34 @@ def _minima(setup: ProblemSetup, most: int) -> FloatArray:
 
 
 def _first_fit(setup: ProblemSetup, simulators: SimulatorCache) -> Fitted:
-    """The baseline from the best points of a sample; where no two descents end in the best minimum, after a search.
+    """The baseline from the best points of a sample, and from others until enough descents agree; else after a search.
 
-    What one descent of twenty finds alone may hide another one that none has found.
+    What few descents of twenty find may hide a minimum that none has found.
     """
     observed, starts = _started(setup, simulators)
-    found = []
+    seed, agreeing, found = setup.settings.seed, 0, list[Fitted]()
     with suppress(InputError):
-        found.append(fit_baseline(observed, starts, setup.settings.seed))
-    if not found or (observed.problem.evaluations is None and len(found[0].minimum.members) < 2):
+        found.append(fit_baseline(observed, starts, seed))
+        agreeing = len(found[0].minimum.members)
+    if observed.problem.evaluations is not None and found:  # it was searched
+        return found[0]
+    for number in range(_ROUNDS if found else 0):
+        if agreeing >= _AGREEING:
+            break
+        rng = np.random.default_rng([seed, number])
+        again = fit_baseline(observed, found[0].minimum.point, rng, _FURTHER)
+        # the first start is the best minimum so far
+        same = 0 in again.minimum.members
+        agreeing = len(again.minimum.members) + (agreeing - 1 if same else 0)
+        found = [min(found[0], again, key=_value)]
+    if agreeing < _LEAST:
         minima = _minima(setup, _MINIMA)
-        found.append(fit_baseline(observed, minima if len(minima) else starts, setup.settings.seed))
-    return min(found, key=lambda one: one.minimum.value)
+        found.append(fit_baseline(observed, minima if len(minima) else starts, seed))
+    return min(found, key=_value)
+
+
+def _value(fitted: Fitted) -> float:
+    return fitted.minimum.value
 
 
 def baseline_in_wide_ranges(
@@ -160,7 +180,9 @@ def with_noise_of(found: Fitted) -> WhitenedData:
     return with_noise_beside_prediction(found.hypothesis.observed, simulated)
 
 
-def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitted:
+def fit_baseline(
+    observed: WhitenedData, starts: FloatArray, rng: int | np.random.Generator, further: int = _STARTS
+) -> Fitted:
     """Fit the model as it is, from starts (k, d) or one, and from Sobol points over parameters without calibration.
 
     They are those of the campaign; from each the others start at what is best there. The minimum's ``members`` are the
@@ -171,7 +193,7 @@ def fit_baseline(observed: WhitenedData, starts: FloatArray, seed: int) -> Fitte
     model, starts = hypothesis(observed), np.atleast_2d(starts)[:, : len(observed.problem.space)]
     start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False
-    scattered = qmc.Sobol(len(start), rng=seed).random(_STARTS + 1)[:_STARTS]  # a power of two is balanced
+    scattered = qmc.Sobol(len(start), rng=rng).random(further + 1)[:further]  # a power of two is balanced
     if observed.problem.evaluations is None:  # a simulator was searched
         starts = np.concatenate([starts, np.where(searched, scattered, start)])
     starts = with_scoped(model, starts)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.diagnosis.few_periods import FewPeriods, at_steps_for, few_periods, with_residual
 from mofit.diagnosis.hypothesis import Hypothesis
-from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum
+from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum, minima
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
@@ -181,17 +181,21 @@ def _near_minimum(
     """The best minimum where a few periods of every test count, with its value where all do.
 
     It is near that of all, at a fraction of the cost. None where that saves little, or where what is simulated does not
-    repeat.
+    repeat. Without a fit beside, few periods may tell otherwise of some minima alone: all periods tell which is best.
     """
     few = _few_periods(model, beside)
     if few is None:
         return None
     try:
-        found = best_minimum(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
+        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
     except InputError:
         return None
-    whole, expected = float(model.evaluate(found.point[None])[0][0]), found.value + few.left_out
-    return replace(found, value=whole) if abs(whole - expected) <= _SAME * whole else None
+    if beside is not None:
+        found = [min(found, key=lambda one: one.value)]
+    values = model.evaluate(np.array([one.point for one in found]))[0]
+    best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+    whole, expected = float(values[best]), found[best].value + few.left_out
+    return replace(found[best], value=whole) if abs(whole - expected) <= _SAME * whole else None
 
 
 def _few_periods(model: Hypothesis, beside: Fitted | None) -> FewPeriods | None:

@@ -34,8 +34,13 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
     InputError
         If no start can be evaluated.
     """
+    return min(minima(evaluate, starts, settings, limit), key=lambda one: one.value)
+
+
+def minima(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> list[Minimum]:
+    """All minima of `best_minimum`."""
     hopes = _Hopes(limit) if np.isfinite(limit) else None
-    return min(merge(refine(evaluate, starts, settings, go_on=hopes)), key=lambda one: one.value)
+    return merge(refine(evaluate, starts, settings, go_on=hopes))
 
 
 class _Hopes:

@@ -8,6 +8,10 @@ import numpy as np
 import pytest
 
 import other_rigs
+from mofit import read_campaign
+from mofit.diagnosis.baseline import baseline_in_wide_ranges
+from mofit.identification.settings import Settings
+from mofit.models import find_model
 from other_rigs_cases import noise as noises
 from other_rigs_cases.campaign import make, name_of
 from other_rigs_cases.cases import CASES, NOISES, RIGS, Cell, cells
@@ -144,6 +148,16 @@ def test_a_law_does_not_depend_on_the_records_beside(knob):
     alone, beside = (specimen.records({knob: 0.3}, some, rng) for some in (tests, [*tests, larger]))
     assert np.array_equal(alone, beside[:, :-1])
     assert np.max(np.abs(alone - specimen.records({}, tests, rng))) > 0.02 * specimen.reach.output
+
+
+def test_few_descents_of_a_structure_that_rings_up_end_at_the_rig(tmp_path):
+    cell, seed = Cell("structure", "sine", "AR(0.8)", case_number("none"), 0), 12503
+    model = find_model(make(cell, seed, tmp_path))
+    campaign = read_campaign(tmp_path / "campaigns" / f"{name_of(cell, seed)}.nc")
+    fitted, _ = baseline_in_wide_ranges(model, campaign, Settings(seed=seed))
+    true = RIGS["structure"].draw(np.random.default_rng([seed, *cell.numbers]))
+    for second, first in (("m_2", "m_1"), ("k_2", "k_1"), ("d_2", "d_1")):
+        assert fitted.values[second] / fitted.values[first] == pytest.approx(true[second] / true[first], rel=0.05)
 
 
 def test_every_cell_has_its_own_numbers_and_names():
