@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,7 +38,7 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
     return min(minima(evaluate, starts, settings, limit), key=lambda one: one.value)
 
 
-def minima(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> list[Minimum]:
+def minima(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Sequence[Minimum]:
     """All minima of `best_minimum`."""
     hopes = _Hopes(limit) if np.isfinite(limit) else None
     return merge(refine(evaluate, starts, settings, go_on=hopes))
