@@ -80,30 +80,37 @@ def _minima(setup: ProblemSetup, most: int) -> FloatArray:
 
 
 def _first_fit(setup: ProblemSetup, simulators: SimulatorCache) -> Fitted:
-    """The baseline from the best points of a sample, and from others until enough descents agree; else after a search.
-
-    What few descents of twenty find may hide a minimum that none has found.
-    """
+    """The baseline from the best points of a sample and from others, until enough agree; else after a search."""
     observed, starts = _started(setup, simulators)
     seed, agreeing, found = setup.settings.seed, 0, list[Fitted]()
     with suppress(InputError):
-        found.append(fit_baseline(observed, starts, seed))
-        agreeing = len(found[0].minimum.members)
-    if observed.problem.evaluations is not None and found:  # it was searched
-        return found[0]
-    for number in range(_ROUNDS if found else 0):
-        if agreeing >= _AGREEING:
-            break
-        rng = np.random.default_rng([seed, number])
-        again = fit_baseline(observed, found[0].minimum.point, rng, _FURTHER)
-        # the first start is the best minimum so far
-        same = 0 in again.minimum.members
-        agreeing = len(again.minimum.members) + (agreeing - 1 if same else 0)
-        found = [min(found[0], again, key=_value)]
+        first = fit_baseline(observed, starts, seed)
+        if observed.problem.evaluations is not None:  # it was searched
+            return first
+        best, agreeing = _agreed(first, seed)
+        found.append(best)
     if agreeing < _LEAST:
         minima = _minima(setup, _MINIMA)
         found.append(fit_baseline(observed, minima if len(minima) else starts, seed))
     return min(found, key=_value)
+
+
+def _agreed(best: Fitted, seed: int) -> tuple[Fitted, int]:
+    """The best minimum from further points until enough descents end there, and how many do.
+
+    What few descents of twenty find may hide a minimum that none has found.
+    """
+    agreeing = len(best.minimum.members)
+    for number in range(_ROUNDS):
+        if agreeing >= _AGREEING:
+            break
+        rng = np.random.default_rng([seed, number])
+        again = fit_baseline(best.hypothesis.observed, best.minimum.point, rng, _FURTHER)
+        # the first start is the best minimum so far
+        same = 0 in again.minimum.members
+        agreeing = len(again.minimum.members) + (agreeing - 1 if same else 0)
+        best = min(best, again, key=_value)
+    return best, agreeing
 
 
 def _value(fitted: Fitted) -> float:
