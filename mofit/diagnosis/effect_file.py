@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from textwrap import fill, indent
 
 from mofit.diagnosis.proposal import Proposal
 from mofit.diagnosis.terms import TermEffect
-from mofit.models import TARGET_UNIT
+from mofit.models import TARGET_UNIT, Channel
 from mofit.parameters import Parameter
 
 EFFECT_FILE = "proposed_effect.py"
@@ -27,7 +28,7 @@ def effect_file(proposal: Proposal, campaign: str, model: str) -> str:
     )
     others = "".join(f"--effect {name} " for name in proposal.beside)
     casadi = "import casadi as ca\n\n" if "ca." in _body(effect) else ""
-    names = "TARGET_UNIT, Applied, Channel, Effect" if effect.states else "TARGET_UNIT, Applied, Effect"
+    channels = "Channel, " if effect.states or effect.inputs else ""
     return f'''"""A term that mofit diagnose proposes: copy, change, run.
 
 {fill(_plain(origin), _WIDTH)}
@@ -36,7 +37,7 @@ mofit diagnose campaign.nc --effects {EFFECT_FILE}
 mofit identify campaign.nc {others}--effect {EFFECT_FILE}
 """
 
-{casadi}from mofit.models import {names}
+{casadi}from mofit.models import TARGET_UNIT, Applied, {channels}Effect
 from mofit.parameters import Parameter
 
 
@@ -49,7 +50,7 @@ class Proposed(Effect):
     needs = ({"".join(f'"{name}", ' for name in effect.needs).strip()})
     parameters = (
 {"".join(indent(_parameter(one), " " * 8) for one in effect.parameters)}    )
-{_states(effect)}
+{_channels("inputs", effect.inputs)}{_channels("states", effect.states)}
     def apply(self, s, value):
         """The quantity with the term; signals are relative to their largest magnitude in the data."""
 {indent(_body(effect), " " * 8)}'''
@@ -79,9 +80,15 @@ def _range(one: Parameter) -> tuple[float, float]:
     return max(one.lower, one.nominal - reach), min(one.upper, one.nominal + reach)
 
 
-def _states(effect: TermEffect) -> str:
-    lines = "".join(f'        Channel("{one.name}", "{one.unit}", "{one.description}"),\n' for one in effect.states)
-    return f"    states = (\n{lines}    )\n" if lines else ""
+def _channels(group: str, channels: Sequence[Channel]) -> str:
+    """A group of channels in Python; nothing where there are none."""
+    lines = "".join(f"        {_channel(one)},\n" for one in channels)
+    return f"    {group} = (\n{lines}    )\n" if lines else ""
+
+
+def _channel(one: Channel) -> str:
+    rest = f', derivative_of="{one.derivative_of}"' if one.derivative_of else ""
+    return f'Channel("{one.name}", "{one.unit}", "{one.description}"{rest})'
 
 
 def _body(effect: TermEffect) -> str:

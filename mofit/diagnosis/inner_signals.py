@@ -12,6 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.frozen_simulator import SIMULATED, frozen
 from mofit.diagnosis.hypothesis import experiments_of
+from mofit.diagnosis.input_rates import rates_of_inputs
 from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
 from mofit.models import (
     TARGET_UNIT,
@@ -52,6 +53,8 @@ class Variable:
         Its range in the data, relative to that.
     rate
         Name of the state or input that is its rate; empty if none is.
+    derivative_of
+        Name of the measured input whose rate it is, though the model does not read that; otherwise empty.
     is_output
         Whether it is an output of the model: only what acts on that output may depend on it.
     """
@@ -62,12 +65,18 @@ class Variable:
     low: float
     high: float
     rate: str = ""
+    derivative_of: str = ""
     is_output: bool = False
 
     @property
     def signed(self) -> bool:
         """Whether it has both signs in the data."""
         return self.low < 0 < self.high
+
+    @property
+    def channel(self) -> Channel:
+        """As an input of an effect."""
+        return Channel(self.name, self.unit, f"rate of {self.derivative_of}", self.derivative_of)
 
 
 @dataclass(frozen=True)
@@ -129,6 +138,8 @@ class InnerSignals:
     signals: tuple[Mapping[str, FloatArray], ...]
     used: tuple[slice, ...]
     experiments: tuple[ExperimentData, ...]
+    rates: tuple[Channel, ...] = ()
+    """Rates of inputs, which the model does not read."""
 
     def joined(self, name: str) -> FloatArray:
         """The samples used of all tests, one after the other."""
@@ -140,13 +151,13 @@ class InnerSignals:
         known = (one for one in (*model.inputs, *model.states, *model.outputs) if one.name != _TIME)
         channels = [one for one in known if not one.name.startswith(SIMULATED)]
         found: list[tuple[Channel, FloatArray]] = []
-        for channel in channels:
+        for channel in (*channels, *self.rates):
             values = self.joined(channel.name)
             if np.ptp(values) > _SAME * np.abs(values).max() and not any(same(values, other) for _, other in found):
                 found.append((channel, values))
-        outputs = {channel.name for channel in model.outputs}
-        names = [channel.name for channel, _ in found if channel.name not in outputs]
-        return [
+        outputs, unread = {channel.name for channel in model.outputs}, {channel.name for channel in self.rates}
+        names = [channel.name for channel, _ in found if channel.name not in outputs | unread]
+        variables = [
             Variable(
                 channel.name,
                 channel.unit,
@@ -154,10 +165,13 @@ class InnerSignals:
                 float(values.min()) / scale,
                 float(values.max()) / scale,
                 next((other for other in names if self._is_rate(other, channel.name)), ""),
+                (channel.derivative_of or "") if channel.name in unread else "",
                 channel.name in outputs,
             )
             for channel, values in found
         ]
+        moved = {one.name for one in variables if one.rate}
+        return [one for one in variables if one.derivative_of not in moved]
 
     def _is_rate(self, rate: str, of: str) -> bool:
         if rate == of:
@@ -256,6 +270,7 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     base, present = base_and_effects(observed.problem.model)
     effects = (*present, *hypothesis.effects)
     given, tests = experiments_of(observed, hypothesis.effects), hypothesis.layout.values_by_test(fitted.minimum.point)
+    rates, moving = rates_of_inputs(hypothesis)
     if isinstance(base, Simulator):
         base, given = frozen(base, effects, tests, given)
     inner = InnerModel(base, [state.name for effect in effects for state in effect.states])
@@ -267,7 +282,8 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     ]
     system, simulator = observed.simulators.simulator(with_effects(inner, *effects), experiments, (), hypothesis.steps)
     outputs = simulator.simulate(np.array([[[values[name] for name in system.parameters] for values in tests]]))
-    signals = [{name: one[0, :, first + k] for k, name in enumerate(inner.signals)} for one in outputs]
+    names = list(enumerate(inner.signals, first))
+    signals = [{name: one[0, :, k] for k, name in names} | own for one, own in zip(outputs, moving, strict=True)]
     first_used = {test: (given[test].lead + w.start, w.count) for test, _, w in reversed(observed.records)}
     used = [slice(start, start + count) for start, count in (first_used[test] for test in range(len(signals)))]
-    return InnerSignals(fitted, base, tuple(signals), tuple(used), tuple(given))
+    return InnerSignals(fitted, base, tuple(signals), tuple(used), tuple(given), rates)

@@ -64,16 +64,17 @@ def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
 def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None = None) -> TermScore | None:
     """The same among all terms, or where one is ``known`` of that alone."""
     signals = inner_signals(fitted)
-    targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(signals.variables()))
+    own = [one for one in signals.variables() if not one.derivative_of]
+    targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(own))
     readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
     found = forked_map(lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted))
     pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
     if not pairs:
         return None
     target, best = max(pairs, key=lambda pair: pair[1].statistic)
-    own = [term for term in terms if term.acts_on(target)]
+    acting = [term for term in terms if term.acts_on(target)]
     tried = known.tried if known else sum(one.tried for one in found)
-    return TermScore(target, own[best.place], best.statistic, best.rows, tried)
+    return TermScore(target, acting[best.place], best.statistic, best.rows, tried)
 
 
 @dataclass(frozen=True)

@@ -185,7 +185,9 @@ def _terms(best: Trial, variables: Sequence[Variable]) -> list[Term]:
     records = [w for _, _, w in best.fitted.hypothesis.observed.records]
     shortest = 2 * min(w.step for w in records)
     longest = 0.5 * float(np.median([w.step * w.count for w in records]))
-    groups = [static_terms(variables), *memory_terms(variables, shortest, longest), *hysteresis_terms(variables)]
+    # the memory of a rate is what the signal itself has changed within it
+    read = [one for one in variables if not one.derivative_of]
+    groups = [static_terms(variables), *memory_terms(read, shortest, longest), *hysteresis_terms(read)]
     terms = [one for own in groups for one in own]
     if len(terms) * len(best.fitted.residual) <= _NUMBERS:
         return terms

@@ -231,9 +231,10 @@ class TermEffect(Effect):
         self.target, self.terms = target, tuple(terms)
         variables = {one.name: one for placed in terms for one in placed.term.variables}
         rates = {one.rate for placed in terms for one in placed.term.variables if "{rate}" in placed.term.form.drives}
-        self.variables = tuple(variables.values())
-        self.signals = tuple(sorted({*variables, *rates}))
-        self.needs = tuple(name for name in self.signals if name in rates or not variables[name].is_output)
+        self.variables, self.signals = tuple(variables.values()), tuple(sorted({*variables, *rates}))
+        self.inputs = tuple(one.channel for one in self.variables if one.derivative_of)
+        inner = {one.name for one in self.variables if not (one.is_output or one.derivative_of)}
+        self.needs = tuple(sorted(inner | rates))
         reach = _REACH * max([target.scale, *(abs(placed.value) for placed in terms)])
         own = {one.name: one for placed in terms for one in placed.parameters(reach)}
         self.parameters = tuple(own.values())

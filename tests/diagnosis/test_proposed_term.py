@@ -166,6 +166,30 @@ def test_a_dead_band_of_a_transducer_is_learnt() -> None:
     assert found.low > 0.95
 
 
+@cache
+def of_pick_up() -> Proposal:
+    """An oscillator whose position sensor picks up the magnitude of the rate of the force: 2e-6 m s/N."""
+    given, measured = strangers.oscillator(lambda x, v: 0.0), []
+    for one, (amplitude, frequency, _) in zip(given.measurements, strangers.PUSHES, strict=True):
+        omega = 2 * np.pi * frequency
+        rate = amplitude * omega * np.cos(omega * one.experiment.time)
+        outputs = {"displacement": one.outputs["displacement"] + 2e-6 * np.abs(rate)}
+        measured.append(replace(one, outputs=outputs))
+    found = learnt(replace(given, measurements=tuple(measured)), "oscillator")
+    assert isinstance(found, Proposal), found
+    return found
+
+
+def test_what_follows_the_rate_of_an_input_is_found() -> None:
+    found = of_pick_up()
+    assert (found.target.name, only_title(found)) == ("displacement", "a power of the magnitude of force_rate")
+    size, exponent = found.estimates
+    scales = {one.name: one.scale for one in found.effect.variables}
+    assert size.low / scales["force_rate"] < 2e-6 < size.high / scales["force_rate"]
+    assert exponent.low < 1 < exponent.high
+    assert found.low > 0.95
+
+
 FORCE = Variable("force", "N", 100.0, -1.0, 1.0, is_output=True)
 
 
@@ -193,16 +217,16 @@ def test_a_transducer_bends_the_calibration_tests_too() -> None:
     assert found.low > 0.95
 
 
-@pytest.mark.parametrize("law", ["root stiffness", "bump stop", "memory of speed", "knee"])
+@pytest.mark.parametrize("law", ["root stiffness", "bump stop", "memory of speed", "knee", "rate of the input"])
 def test_the_file_is_the_effect(law: str, tmp_path: Path) -> None:
-    found = of_transducer(law) if law in TRANSDUCERS else of_damper(law)
+    found = of_transducer(law) if law in TRANSDUCERS else of_pick_up() if "rate" in law else of_damper(law)
     file = tmp_path / EFFECT_FILE
     file.write_text(effect_file(found, "a campaign", "a model"))
-    own, model = find_effect(str(file)), find_model("kelvin_voigt_damper")
+    own, model = find_effect(str(file)), find_model("oscillator" if "rate" in law else "kelvin_voigt_damper")
     assert [p.name for p in own.parameters] == [p.name for p in found.effect.parameters]
     rng = np.random.default_rng(0)
     ours, theirs = (build_system(with_effects(model, effect)) for effect in (found.effect, own))
-    assert ours.states == theirs.states
+    assert (ours.states, ours.inputs) == (theirs.states, theirs.inputs)
     x, u = 0.5 * rng.standard_normal(len(ours.states)), np.array([0.01, -0.1])
     p = [found.fitted.values.get(name, 1.0) for name in ours.parameters]
     for name in ("rhs", "out"):
