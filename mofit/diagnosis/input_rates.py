@@ -14,6 +14,9 @@ from mofit.models import Applied, Channel, Effect, Model, Symbols, with_effects
 from mofit.models.model import TIME
 from mofit.quantities import HOLD
 
+#: Largest deviation of a smoothed input from itself up to which its rate is known, relative to its standard deviation.
+_RESOLVED = 0.05
+
 
 class InputRates(Effect):
     """Reads rates of a model's inputs, and changes nothing."""
@@ -41,11 +44,18 @@ def input_rates(model: Model) -> tuple[Channel, ...]:
 
 def rates_of_inputs(hypothesis: Hypothesis) -> tuple[tuple[Channel, ...], list[dict[str, FloatArray]]]:
     """Rates of the inputs of the tests: the channels, and their samples by name per test; none of inputs that jump."""
-    observed = hypothesis.observed
-    reads = InputRates(observed.problem.model)
-    if not reads.inputs or any(one.interpolation == HOLD for one in observed.problem.experiments):
-        return (), [{} for _ in observed.problem.experiments]
-    names = [channel.name for channel in with_effects(observed.problem.model, reads).inputs]
-    places = {channel.name: names.index(channel.name) for channel in reads.inputs}
-    tests = experiments_of(observed, (reads,))
-    return reads.inputs, [{name: np.array(one.inputs[:, k]) for name, k in places.items()} for one in tests]
+    problem = hypothesis.observed.problem
+    reads = InputRates(problem.model)
+    if not reads.inputs or any(one.interpolation == HOLD for one in problem.experiments):
+        return (), [{} for _ in problem.experiments]
+    tests = experiments_of(hypothesis.observed, (reads,))
+    models = (problem.model, with_effects(problem.model, reads))
+    before, after = ([channel.name for channel in model.inputs] for model in models)
+    known = []
+    for channel in reads.inputs:
+        source = str(channel.derivative_of)
+        given = np.concatenate([one.inputs[:, before.index(source)] for one in problem.experiments])
+        smooth = np.concatenate([one.inputs[:, after.index(source)] for one in tests])
+        if np.std(smooth - given) <= _RESOLVED * np.std(given):
+            known.append(channel)
+    return tuple(known), [{one.name: test.inputs[:, after.index(one.name)].copy() for one in known} for test in tests]
