@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import SimpleNamespace
 
 import casadi as ca
@@ -96,8 +97,19 @@ def whitened_response(reading: Reading, added: Sequence[FloatArray]) -> FloatArr
     return reading.motion.fitted.hypothesis.observed.whitened(outputs)
 
 
-def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArray]:
-    """Terms per unit of their coefficients along the fitted motion: (samples, K) per test."""
+@dataclass(frozen=True)
+class TermFunctions:
+    """What `Term`s compute of ``signals``, by name, with the ``states`` of their memories."""
+
+    signals: tuple[str, ...]
+    states: int
+    drive: ca.Function
+    value: ca.Function
+
+
+@lru_cache(maxsize=4)
+def term_functions(terms: tuple[Term, ...]) -> TermFunctions:
+    """Terms per unit of their coefficients, as functions of signals."""
     effect = block(Target("", "", 1.0), terms)
     given = [ca.SX.sym(name) for name in effect.signals]
     states = [ca.SX.sym(name) for name in (one.state for one in effect.stateful)]
@@ -109,13 +121,19 @@ def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArra
     inputs, state = ca.vertcat(*given), ca.vertcat(*states)
     # every memory is linear in its own state
     drive = ca.Function("drive", [inputs, state], [drives, starts])
-    value = ca.Function("value", [inputs, state], [values])
-    found = []
+    return TermFunctions(effect.signals, len(states), drive, ca.Function("value", [inputs, state], [values]))
+
+
+def term_signals(signals: InnerSignals, terms: Sequence[Term]) -> list[FloatArray]:
+    """Terms per unit of their coefficients along the fitted motion: (samples, K) per test."""
+    functions, found = term_functions(tuple(terms)), []
     with np.errstate(all="ignore"):  # what diverges is no term
         for own, experiment in zip(signals.signals, signals.experiments, strict=True):
-            known = stacked(own, effect.signals, experiment.samples)
-            memory = _memories(drive, known, experiment.step) if states else np.empty((len(known), 0))
-            found.append(at_samples(value, known, memory)[0][..., 0])
+            known = stacked(own, functions.signals, experiment.samples)
+            memory = np.empty((len(known), 0))
+            if functions.states:
+                memory = _memories(functions.drive, known, experiment.step)
+            found.append(at_samples(functions.value, known, memory)[0][..., 0])
     return found
 
 

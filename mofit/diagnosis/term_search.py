@@ -16,7 +16,7 @@ from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.refit import is_reliable
 from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
-from mofit.diagnosis.term_rows import Reading, term_columns
+from mofit.diagnosis.term_rows import Reading, term_columns, term_functions
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
 from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
 from mofit.errors import InputError
@@ -120,6 +120,7 @@ def _selected(
         (columns,) = term_columns([reading], terms)
         return selections(start.hypothesis.observed, columns, least, most)
 
+    term_functions(tuple(terms))  # once, not by every process
     return forked_map(selected, readings, processes(start))
 
 
