@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.beside import processes
 from mofit.diagnosis.inner_signals import InnerSignals, Target, stacked
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.linear_response import LinearResponse
 from mofit.diagnosis.missing_signal import MissingSignal
 from mofit.diagnosis.term_rows import Linearisation, Reading, term_signals, whitened_response
 from mofit.diagnosis.terms import Term
+from mofit.runtime.parallel import forked_map
 
 #: Steps of the walk per sample that are tried, relative to the largest magnitude of the quantity.
 _STEPS = np.geomspace(1e-5, 1.0, 6)
@@ -39,17 +42,21 @@ def smoothed_readings(fitted: Sequence[Reading]) -> list[Reading]:
     if not fitted:
         return []
     signals, responses = fitted[0].motion, fitted[0].responses
+    found, moving = list(fitted), [k for k in range(len(fitted)) if _moves(responses, k)]
+    if not moving:
+        return found
+    scales, count = np.array([fitted[k].target.scale for k in moving]), processes(signals.fitted)
     with np.errstate(all="ignore"):
-        moving = [k for k in range(len(fitted)) if _moves(responses, k)]
-        scales = np.array([fitted[k].target.scale for k in moving])
-        missing = list(_missing(signals, responses, moving, scales)) if moving else []
-        steps = _STEPS[np.argmax(sum(one.log_likelihoods(_STEPS) for one in missing), axis=1)] if moving else scales
-        shifts = [one.smoothed(steps) for one in missing]
-    found = list(fitted)
-    for place, k in enumerate(moving):
+        missing = list(_missing(signals, responses, moving, scales))
+    steps = _STEPS[np.argmax(sum(forked_map(_log_likelihoods, missing, count)), axis=1)]
+    shifts = forked_map(partial(_shifts, steps), missing, count)
+    motions = []
+    for place in range(len(moving)):
         pairs = zip(signals.signals, [shift[:, place] for shift in shifts], responses, strict=True)
-        motion = replace(signals, signals=tuple(_moved(old, shift, one.states) for old, shift, one in pairs))
-        found[k] = replace(fitted[k], motion=motion, beside=_beside(signals, motion))
+        motions.append(replace(signals, signals=tuple(_moved(old, shift, one.states) for old, shift, one in pairs)))
+    besides = forked_map(partial(_beside, signals), motions, count)
+    for k, motion, own in zip(moving, motions, besides, strict=True):
+        found[k] = replace(fitted[k], motion=motion, beside=own)
     return found
 
 
@@ -72,6 +79,16 @@ def readings_without(
     kept = np.arange(len(beside.free)) < len(beside.free) - len(model.effects[-1].parameters)
     without = Linearisation(residual, beside.slopes[:, kept[beside.free]], beside.free & kept)
     return [Reading(target, motion, responses, k, without) for k, target in enumerate(targets)]
+
+
+def _log_likelihoods(missing: MissingSignal) -> FloatArray:
+    with np.errstate(all="ignore"):
+        return missing.log_likelihoods(_STEPS)
+
+
+def _shifts(steps: FloatArray, missing: MissingSignal) -> FloatArray:
+    with np.errstate(all="ignore"):
+        return missing.smoothed(steps)
 
 
 def _moves(responses: Sequence[LinearResponse], quantity: int) -> bool:
