@@ -250,11 +250,11 @@ def experiment_data(model: Model, measurement: Measurement, record: SignalAnalys
 
 def _led(data: ExperimentData, model: Model, record: SignalAnalysis) -> ExperimentData:
     """The test with its inputs repeated before the first sample, for the time that the analysis says."""
-    lead = round(record.lead / data.step) if record.period else 0
-    if not lead or record.period is None:
+    lead, period = round(record.lead / data.step), record.input_period
+    if not lead or period is None:
         return data
     before = -data.step * np.arange(lead, 0, -1)
-    repeated = data.at(before + np.ceil(-before / record.period - _ROUNDING) * record.period).T
+    repeated = data.at(before + np.ceil(-before / period - _ROUNDING) * period).T
     repeated[:, [channel.name == TIME.name for channel in model.inputs]] = 0.0
     return replace(data, inputs=np.concatenate([repeated, data.inputs]), lead=lead)
 

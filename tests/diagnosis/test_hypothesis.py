@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import strangers
 from damper_rig import SIMULATORS, damper_fit
 
 from mofit.diagnosis.discrepancy import CalibrationStages
-from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
+from mofit.diagnosis.input_rates import InputRates
 from mofit.diagnosis.integration import DIVERGED, each_with_enough_steps, with_enough_steps
+from mofit.diagnosis.whitened_data import whiten
 from mofit.identification.calibration import calibrate
 from mofit.models import find_effect, find_model
 from mofit.parameters import ParameterSpace
-from mofit.problem import GaussianPrior
+from mofit.problem import GaussianPrior, build_problem
 from mofit.simulation.virtual_rig import plan as plans
 from mofit.simulation.virtual_rig.rig import run_plan
 
@@ -163,3 +166,14 @@ def test_each_set_takes_the_steps_that_it_needs() -> None:
     assert steps.tolist() == [1, 8, 2]
     assert found.ravel().tolist() == [1.0, 2.0, 3.0]
     assert asked == [(2, (0, 1, 2)), (1, (0, 1, 2)), (4, (1, 2)), (8, (1,)), (16, (1,))]
+
+
+def test_inputs_are_led_in_of_a_record_that_is_taken_not_to_repeat() -> None:
+    """What an effect reads beside the model is led in like what the model reads."""
+    campaign, model = strangers.oscillator(lambda x, v: 0.0), find_model("oscillator")
+    led = build_problem(model, campaign, leads={one.name: 0.7 for one in campaign.measurements})
+    signals = (replace(led.signals[0], period=None, periods=0), *led.signals[1:])
+    observed = whiten(replace(led, signals=signals))
+    for ours, theirs in zip(led.experiments, experiments_of(observed, [InputRates(model)]), strict=True):
+        assert theirs.lead == ours.lead == round(0.7 * strangers.RATE)
+        np.testing.assert_allclose(theirs.inputs[:, 0], ours.inputs[:, 0], atol=1e-2 * np.ptp(ours.inputs))

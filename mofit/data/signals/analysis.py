@@ -66,6 +66,8 @@ class SignalAnalysis:
     """Per output, ``noise_sd / (max - min)``: the NRMSD that a perfect model would reach."""
     frequency: float | None = None
     """Of the input, in Hz, whether it repeats or ramps up and down; None if it has none."""
+    input_period: float | None = None
+    """Of the inputs, in s, whether the record is taken to repeat with them or not."""
     lead: float = 0.0
     """Time that the inputs, repeated, act on a model before the first sample, s."""
 
@@ -123,7 +125,7 @@ def analyse(
     for name, values in channels.items():
         noise[name], method = _noise(time, values, kept, period, periods)
     floor = {name: noise[name] / float(np.ptp(measurement.channel(name))) for name in sorted(outputs)}
-    return SignalAnalysis(period, periods, transient, tail, noise, method, floor, frequency)
+    return SignalAnalysis(period, periods, transient, tail, noise, method, floor, frequency, period)
 
 
 def _noise(
