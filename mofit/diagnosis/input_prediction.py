@@ -42,8 +42,8 @@ _ROUNDS = 3
 _MISFIT = 1e-3
 #: Relative singular value below which a combination of functions is none.
 _RANK = 1e-6
-#: Most of a line's power that the regression is taken to have absorbed.
-_MOST_TAKEN = 0.9
+#: Most of a line's power that the regression may have absorbed: of others what is left tells little of the noise.
+_MOST_TAKEN = 0.5
 
 
 def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[FloatArray]) -> WhitenedData:
@@ -106,9 +106,11 @@ def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: Float
     share = np.zeros(len(w.frequencies))
     if taken is not None:
         parts = np.bincount(w.line_of_row, minlength=len(share))
-        share = np.clip(np.bincount(w.line_of_row, taken, len(share)) / np.maximum(parts, 1), 0.0, _MOST_TAKEN)
+        share = np.bincount(w.line_of_row, taken, len(share)) / np.maximum(parts, 1)
+    gone = share > _MOST_TAKEN
+    share = np.where(gone, 0.0, share)
     time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
-    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share)
+    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share, unknown=gone)
     return replace(w, process=process)
 
 
