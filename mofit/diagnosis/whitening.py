@@ -22,7 +22,7 @@ _SETTLING = 0.125
 #: Share of the power of a signal that repeats which may lie beside its harmonics: noise of an input.
 _ELSEWHERE = 0.01
 
-#: Most by which the mean of a line's power exceeds its median: with two degrees of freedom it has no end.
+#: Most by which the mean of a constant's power exceeds its median: with two degrees of freedom it has no end.
 _MOST_UNSURE = 50.0
 
 
@@ -100,12 +100,14 @@ class Whitening:
 
     @cached_property
     def spectrum(self) -> FloatArray:
-        r"""Power that noise is expected to have on a line, (n // 2 + 1,): :math:`S_k \nu_k / (\nu_k - 2)`.
+        r"""Power that noise is expected to have on a line, (n // 2 + 1,).
 
-        The mean square of Student's t: where the spectrum is hardly known, as of a constant in slow noise, far more.
+        Of a constant :math:`S_0 \nu_0 / (\nu_0 - 2)`, the mean square of Student's t: it is no part of the estimate,
+        which is extrapolated to it, and of slow noise that may be far from it.
         """
-        freedom = self.process.degrees_of_freedom
-        return np.asarray(self.process.spectrum * freedom / np.maximum(freedom - 2, freedom / _MOST_UNSURE))
+        found, freedom = np.array(self.process.spectrum), float(self.process.degrees_of_freedom[0])
+        found[0] *= freedom / max(freedom - 2, freedom / _MOST_UNSURE)
+        return found
 
     @cached_property
     def _scale(self) -> FloatArray:
