@@ -137,6 +137,27 @@ def test_friction_under_coloured_noise_is_a_gap_and_named() -> None:
     assert alone.share > 0.9
 
 
+def in_a_narrow_band(seed: int, colour: float, noise_sd: float) -> Campaign:
+    """One slow chirp: past inputs predict all that is on its lines, the noise too."""
+    rng, time = np.random.default_rng(seed), np.arange(COUNT) / RATE
+    phase, omega = 2 * np.pi * (0.4 * time + 0.1 * time**2 / time[-1]), 2 * np.pi * (0.4 + 0.2 * time / time[-1])
+    x, v = 2e-3 * np.sin(phase), 2e-3 * omega * np.cos(phase)
+    noise = lfilter([1.0], [1.0, -colour], rng.standard_normal(COUNT + 200))[200:] * np.sqrt(1 - colour**2)
+    experiment = Experiment("chirp", "chirp", time, {"displacement": x, "velocity": v}, {})
+    units = {"displacement": "m", "velocity": "m/s", "force": "N"}
+    measured = Measurement(experiment, {"force": STIFFNESS * x + DAMPING * v + noise_sd * noise}, units)
+    return Campaign("spring and damper", "simulated", {}, (measured,))
+
+
+def test_noise_is_known_where_past_inputs_predict_all() -> None:
+    found = []
+    for seed in range(8):
+        ((_, _, w),) = baseline(in_a_narrow_band(seed, 0.8, 1.0)).hypothesis.observed.records
+        truth = (1 - 0.8**2) * spectrum(0.8, w.count)
+        found.append(np.log(w.process.spectrum / truth)[1:20].mean())
+    assert np.abs(np.mean(found)) < 0.25
+
+
 def test_a_constant_input_predicts_nothing(rng: np.random.Generator) -> None:
     held = {"displacement": np.full(COUNT, 0.01), "velocity": np.zeros(COUNT)}
     force = STIFFNESS * held["displacement"] + rng.standard_normal(COUNT)
