@@ -42,8 +42,8 @@ _ROUNDS = 3
 _MISFIT = 1e-3
 #: Relative singular value below which a combination of functions is none.
 _RANK = 1e-6
-#: Most of a line's power that the regression may have absorbed: of others what is left tells little of the noise.
-_MOST_TAKEN = 0.5
+#: Least share of a line's noise that the regression is taken to leave.
+_LEAST_KEPT = 1e-3
 
 
 def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[FloatArray]) -> WhitenedData:
@@ -89,7 +89,7 @@ def _noise(
         coefficients, leverage = _regressed(np.concatenate(rows), white)
         taken = np.split(leverage, np.cumsum([len(one) for one in rows])[:-1])
         records = [
-            _with_noise(w, residual - one @ coefficients[:, None], signal, share)
+            _with_noise(w, residual - one @ coefficients[:, None], signal, residual, share)
             for w, residual, one, signal, share in zip(records, residuals, columns, signals, taken, strict=True)
         ]
     if not _decaying(observed, own):
@@ -100,17 +100,27 @@ def _noise(
     return beyond if _misfit(records, beyond, moving) else records
 
 
-def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: FloatArray | None = None) -> Whitening:
-    """The whitening with the noise of a signal (samples, 1), of whose rows a share (rows,) was absorbed by a fit."""
+def _with_noise(
+    w: Whitening, rest: FloatArray, signal: FloatArray, whole: FloatArray | None = None, taken: FloatArray | None = None
+) -> Whitening:
+    r"""The whitening with the noise of a signal (samples, 1): the rest of a ``whole`` one that a fit has left.
+
+    Of its rows the fit has absorbed a share :math:`\tau` (rows,): noise leaves :math:`1 - \tau` of its power, what a
+    wrong model leaves it does not; but noise is no more than the whole holds. Of noise, the smaller of the two is
+    expected to have :math:`1 - \sqrt\tau / 2` of its power: both are chi-square, with a correlation of
+    :math:`1 - \tau`.
+    """
     used = slice(w.start, w.start + w.count)
-    share = np.zeros(len(w.frequencies))
-    if taken is not None:
-        parts = np.bincount(w.line_of_row, minlength=len(share))
-        share = np.bincount(w.line_of_row, taken, len(share)) / np.maximum(parts, 1)
-    gone = share > _MOST_TAKEN
-    share = np.where(gone, 0.0, share)
     time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
-    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share, unknown=gone)
+    share: FloatArray | float = 0.0
+    if whole is not None and taken is not None:
+        parts = np.bincount(w.line_of_row, minlength=len(w.frequencies))
+        absorbed = np.bincount(w.line_of_row, taken, len(parts)) / np.maximum(parts, 1)
+        left, held = (np.abs(np.fft.rfft(one[used, 0])) ** 2 for one in (rest, whole))
+        kept = np.clip(1 - absorbed, _LEAST_KEPT, 1.0)
+        power = np.minimum(left / kept, held) / (1 - np.sqrt(1 - kept) / 2)
+        share = 1 - np.maximum(left, _LEAST_KEPT**2 * held) / np.maximum(power, np.finfo(float).tiny)
+    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share)
     return replace(w, process=process)
 
 
