@@ -66,21 +66,18 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
 def doubt_of_constants(fitted: Fitted) -> float:
     r"""By how much the squares of the records' constants count less, as their noise is not known well.
 
-    .. math:: \sum_s r_s^2 - (\nu + n) \log(1 + \sum_s q_s r_s^2 / \nu)
+    .. math:: \sum_s r_s^2 - (\nu + n) \log(1 + \sum_s r_s^2 / \nu)
 
-    of n constants with :math:`\nu` degrees of freedom: a multivariate t distribution, in units of its scale, of which
-    the power expected of noise is q times the square. How large their noise is, the lines above zero frequency tell of
-    all records alike; no other line is extrapolated.
+    of n constants with :math:`\nu` degrees of freedom: a multivariate t distribution. How large their noise is, the
+    lines above zero frequency tell of all records alike; no other line is extrapolated.
     """
     observed = fitted.hypothesis.observed
     where = (observed.line == 0) & observed.explainable
-    squares, count = fitted.residual[: len(where)][where] ** 2, int(where.sum())
+    squares, count = float(np.sum(fitted.residual[: len(where)][where] ** 2)), int(where.sum())
     if not count:
         return 0.0
-    expected = np.array([w.spectrum[0] / w.process.spectrum[0] for _, _, w in observed.records])
     freedom = count / float(np.sum(1 / observed.degrees_of_freedom[where]))
-    scaled = float(squares @ expected[observed.record[where]])
-    return float(squares.sum()) - (freedom + count) * float(np.log1p(scaled / freedom))
+    return squares - (freedom + count) * float(np.log1p(squares / freedom))
 
 
 def _price(model: Hypothesis, rows: int) -> float:

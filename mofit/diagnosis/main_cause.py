@@ -123,7 +123,7 @@ def _with_noise_left(fitted: Fitted, observed: WhitenedData) -> WhitenedData:
 
 def _log_power(observed: WhitenedData) -> float:
     """Of the noise, summed over all lines: the smaller it is, the more probable are the records."""
-    return float(sum(np.log(w.spectrum).mean() * w.count for *_, w in observed.records))
+    return float(sum(np.log(w.process.spectrum).mean() * w.count for *_, w in observed.records))
 
 
 def _falls(before: WhitenedData, after: WhitenedData) -> bool:

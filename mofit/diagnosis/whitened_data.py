@@ -142,7 +142,7 @@ class WhitenedData:
     @cached_property
     def variance(self) -> FloatArray:
         """Mean square of the noise that every row stands for, in the output's unit²; (m,)."""
-        return np.concatenate([w.spectrum[w.line_of_row] / w.count for _, _, w in self.records])
+        return np.concatenate([w.process.spectrum[w.line_of_row] / w.count for _, _, w in self.records])
 
     @cached_property
     def ranges(self) -> FloatArray:

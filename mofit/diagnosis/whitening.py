@@ -22,18 +22,15 @@ _SETTLING = 0.125
 #: Share of the power of a signal that repeats which may lie beside its harmonics: noise of an input.
 _ELSEWHERE = 0.01
 
-#: Most by which the mean of a constant's power exceeds its median: with two degrees of freedom it has no end.
-_MOST_UNSURE = 50.0
-
 
 @dataclass(frozen=True)
 class Whitening:
     r"""Noise :math:`e_i = g_i n_i` of one output of one test; n is stationary with spectrum S.
 
     Rows are the lines of the real FFT of :math:`x / g`, real and imaginary part, each scaled to unit variance of the
-    noise: :math:`\sqrt{2 / (n S_k)}`, at zero frequency :math:`\sqrt{1 / (n S_0)}`, with S as `spectrum`. Sums of
-    squares are those of generalised least squares. A record that does not repeat is whitened before by the causal
-    filter of S (see `CausalFilter`): the FFT would take the step from its end to its start for a part of the signal.
+    noise: :math:`\sqrt{2 / (n S_k)}`, at zero frequency :math:`\sqrt{1 / (n S_0)}`. Sums of squares are those of
+    generalised least squares. A record that does not repeat is whitened before by the causal filter of S (see
+    `CausalFilter`): the FFT would take the step from its end to its start for a part of the signal.
 
     Parameters
     ----------
@@ -99,20 +96,8 @@ class Whitening:
         return weight
 
     @cached_property
-    def spectrum(self) -> FloatArray:
-        r"""Power that noise is expected to have on a line, (n // 2 + 1,).
-
-        Of a constant :math:`S_0 \nu_0 / (\nu_0 - 2)`, the mean square of Student's t: it is no part of the estimate,
-        which is extrapolated to it, and of slow noise that may be far from it.
-        """
-        found, freedom = np.array(self.process.spectrum), float(self.process.degrees_of_freedom[0])
-        found[0] *= freedom / max(freedom - 2, freedom / _MOST_UNSURE)
-        return found
-
-    @cached_property
     def _scale(self) -> FloatArray:
-        filtered = 1.0 if self.periods else self.process.spectrum
-        return np.sqrt(self._weight * filtered / (self.count * self.spectrum))
+        return np.sqrt(self._weight / (self.count * (self.process.spectrum if self.periods else 1.0)))
 
     @cached_property
     def _filter(self) -> CausalFilter:
@@ -157,10 +142,8 @@ class Whitening:
         count, old = min(round(float(samples[periods - 1])), self.count), self.process
         later = min(max(int(_SETTLING * self.count) - count, 0), self.count - count)
         lines = np.arange(count // 2 + 1) / count
-        known = np.arange(len(old.spectrum)) / self.count
-        spectrum = np.interp(lines, known, old.spectrum) * count / self.count
-        freedom = np.interp(lines, known, old.degrees_of_freedom)
-        process = replace(old, level=old.level[later : later + count], spectrum=spectrum, degrees_of_freedom=freedom)
+        spectrum = np.interp(lines, np.arange(len(old.spectrum)) / self.count, old.spectrum) * count / self.count
+        process = replace(old, level=old.level[later : later + count], spectrum=spectrum)
         return replace(self, start=self.start + later, periods=periods, process=process)
 
     def rows_among(self, whole: Whitening) -> NDArray[np.intp]:

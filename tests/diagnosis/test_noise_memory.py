@@ -46,15 +46,13 @@ def test_levels_of_records_are_as_certain_as_said() -> None:
     rng = np.random.default_rng(4)
     campaigns = [levels(np.stack([long_memory(rng, 1000) for _ in range(5)])) for _ in range(8)]
     alone, together = (np.concatenate(several) for several in zip(*campaigns, strict=True))
-    assert max(np.max(np.abs(alone)), np.max(np.abs(together))) < 3.5
-    # alone a record hardly knows; the noise began some records before: its level is no larger
-    assert np.mean(alone**2) < 0.3 < np.mean(together**2) < 1.4
+    assert np.max(np.abs(together)) < 3.5 < np.max(np.abs(alone))
+    assert 0.3 < np.mean(together**2) < 1.4  # the noise began some records before: its level is no larger
 
 
-def test_levels_under_white_noise_are_more_certain_together() -> None:
+def test_levels_under_white_noise_stay_as_certain() -> None:
     alone, together = levels(np.random.default_rng(5).standard_normal((12, 1000)))
-    np.testing.assert_allclose(together, alone, rtol=0.3)
-    assert np.all(np.abs(together) > 0.99 * np.abs(alone))
+    np.testing.assert_allclose(together, alone, rtol=0.15)
     assert np.mean(together**2) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 12))
 
 

@@ -98,9 +98,7 @@ def test_constants_count_by_a_multivariate_t_distribution(offset: float) -> None
     observed = fitted.hypothesis.observed
     constants = fitted.residual[: len(observed.measured)][observed.of("dc")]
     freedom = len(constants) / np.sum(1 / observed.degrees_of_freedom[observed.of("dc")])
-    # a constant's square is expected to be 1: the distribution's scale is smaller
-    scale = np.diag([w.process.spectrum[0] / w.spectrum[0] for _, _, w in observed.records])
-    density = multivariate_t(shape=scale, df=freedom).logpdf
+    density = multivariate_t(shape=np.eye(len(constants)), df=freedom).logpdf
     surprise = 2 * (density(np.zeros(len(constants))) - density(constants))
     assert constants @ constants - doubt_of_constants(fitted) == pytest.approx(surprise)
 
