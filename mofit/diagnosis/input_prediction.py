@@ -56,7 +56,6 @@ def with_noise_beside_prediction(observed: WhitenedData, simulated: Sequence[Flo
         found = predictors(observed, own, output, simulated)
         columns = [_centred(one, w) for (_, w), one in zip(own, found, strict=True)]
         noisy = _noise(observed, own, output, simulated, columns)
-        noisy = _with_constants(observed, own, output, simulated, noisy)
         for (test, _), w, one in zip(own, noisy, columns, strict=True):
             processes[test, output], functions[test, output] = w.process, one
     again = whiten(observed.problem, observed.calibrations, observed.simulators, processes)
@@ -93,35 +92,6 @@ def _noise(
     beyond = [_with_noise_beyond(w, rest, signal) for w, rest, signal in rests]
     moving = [_moving(w, signal) for w, signal in zip(records, signals, strict=True)]
     return beyond if _misfit(records, beyond, moving) else records
-
-
-def _with_constants(
-    observed: WhitenedData,
-    own: Sequence[tuple[int, Whitening]],
-    output: int,
-    simulated: Sequence[FloatArray],
-    records: Sequence[Whitening],
-) -> list[Whitening]:
-    r"""The whitening with the noise of the records' constants, where these are farther off than extrapolation says.
-
-    That misses alike in all records: n constants with :math:`\nu` degrees of freedom tell of its power what those of
-    the multivariate t distribution do, :math:`(\nu + \sum r^2) / (\nu + n)`. In slow noise a constant would otherwise
-    pull the parameters.
-    """
-    experiments, squares, inverse = observed.problem.experiments, 0.0, 0.0
-    for (test, _), w in zip(own, records, strict=True):
-        used = slice(w.start, w.start + w.count)
-        mean = float(np.mean((experiments[test].measured[:, output] - simulated[test][:, output])[used]))
-        squares += w.count * mean**2 / float(w.process.spectrum[0])
-        inverse += 1 / float(w.process.degrees_of_freedom[0])
-    count, freedom = len(records), len(records) / inverse
-    power = max((freedom + squares) / (freedom + count), 1.0)
-    found = []
-    for w in records:
-        spectrum = np.array(w.process.spectrum)
-        spectrum[0] *= power
-        found.append(replace(w, process=replace(w.process, spectrum=spectrum)))
-    return found
 
 
 def _with_noise(
