@@ -81,41 +81,44 @@ def _noise(
         rows = [w.rows(one) for w, one in zip(records, columns, strict=True)]
         white = np.concatenate([w.rows(one)[:, 0] for w, one in zip(records, residuals, strict=True)])
         coefficients, leverage = _regressed(np.concatenate(rows), white)
-        taken = np.split(leverage, np.cumsum([len(one) for one in rows])[:-1])
+        of_records = np.split(leverage, np.cumsum([len(one) for one in rows])[:-1])
+        rests = [residual - one @ coefficients[:, None] for residual, one in zip(residuals, columns, strict=True)]
         records = [
-            _with_noise(w, residual - one @ coefficients[:, None], signal, residual, share)
-            for w, residual, one, signal, share in zip(records, residuals, columns, signals, taken, strict=True)
+            _with_noise(w, rest, signal, _absorbed(w, rest, residual, own_leverage))
+            for w, rest, residual, signal, own_leverage in zip(
+                records, rests, residuals, signals, of_records, strict=True
+            )
         ]
     if not decaying(observed, own):
         return records
-    rests = zip(records, _unpredicted(own, residuals, columns), signals, strict=True)
-    beyond = [_with_noise_beyond(w, rest, signal) for w, rest, signal in rests]
+    unpredicted = zip(records, _unpredicted(own, residuals, columns), signals, strict=True)
+    beyond = [_with_noise_beyond(w, rest, signal) for w, rest, signal in unpredicted]
     moving = [_moving(w, signal) for w, signal in zip(records, signals, strict=True)]
     return beyond if _misfit(records, beyond, moving) else records
 
 
-def _with_noise(
-    w: Whitening, rest: FloatArray, signal: FloatArray, whole: FloatArray | None = None, taken: FloatArray | None = None
-) -> Whitening:
-    r"""The whitening with the noise of a signal (samples, 1): the rest of a ``whole`` one that a fit has left.
-
-    Of its rows the fit has absorbed a share :math:`\tau` (rows,): noise leaves :math:`1 - \tau` of its power, what a
-    wrong model leaves it does not; but noise is no more than the whole holds. Of noise, the smaller of the two is
-    expected to have :math:`1 - \sqrt\tau / 2` of its power: both are chi-square, with a correlation of
-    :math:`1 - \tau`.
-    """
+def _with_noise(w: Whitening, rest: FloatArray, signal: FloatArray, taken: FloatArray | float = 0.0) -> Whitening:
+    """The whitening with the noise of a signal (samples, 1), of whose lines (lines,) a share was absorbed by a fit."""
     used = slice(w.start, w.start + w.count)
     time = np.asarray(w.step * np.arange(w.count), dtype=np.float64)
-    share: FloatArray | float = 0.0
-    if whole is not None and taken is not None:
-        parts = np.bincount(w.line_of_row, minlength=len(w.frequencies))
-        absorbed = np.bincount(w.line_of_row, taken, len(parts)) / np.maximum(parts, 1)
-        left, held = (np.abs(np.fft.rfft(one[used, 0])) ** 2 for one in (rest, whole))
-        kept = np.clip(1 - absorbed, _LEAST_KEPT, 1.0)
-        power = np.minimum(left / kept, held) / (1 - np.sqrt(1 - kept) / 2)
-        share = 1 - np.maximum(left, _LEAST_KEPT**2 * held) / np.maximum(power, np.finfo(float).tiny)
-    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=share)
+    process = noise_process(rest[used, 0], signal[used], time, None, without_lines=True, taken=taken)
     return replace(w, process=process)
+
+
+def _absorbed(w: Whitening, rest: FloatArray, whole: FloatArray, leverage: FloatArray) -> FloatArray:
+    r"""Share of the noise on every line that a fit has absorbed, (lines,): of a ``whole`` signal it left the ``rest``.
+
+    With the leverage :math:`\tau` of the rows noise leaves :math:`1 - \tau` of its power, what a wrong model leaves
+    does not; but noise is no more than the whole holds there. Of noise, the smaller of the two is expected to have
+    :math:`1 - \sqrt\tau / 2` of its power: both are chi-square, with a correlation of :math:`1 - \tau`.
+    """
+    used = slice(w.start, w.start + w.count)
+    parts = np.bincount(w.line_of_row, minlength=len(w.frequencies))
+    tau = np.bincount(w.line_of_row, leverage, len(parts)) / np.maximum(parts, 1)
+    left, held = (np.abs(np.fft.rfft(one[used, 0])) ** 2 for one in (rest, whole))
+    kept = np.clip(1 - tau, _LEAST_KEPT, 1.0)
+    power = np.minimum(left / kept, held) / (1 - np.sqrt(1 - kept) / 2)
+    return np.asarray(1 - np.maximum(left, _LEAST_KEPT**2 * held) / np.maximum(power, np.finfo(float).tiny))
 
 
 def _unpredicted(

@@ -99,7 +99,7 @@ def whitened_response(reading: Reading, added: Sequence[FloatArray]) -> FloatArr
 
 @dataclass(frozen=True)
 class TermFunctions:
-    """What `Term`s compute of ``signals``, by name, with the ``states`` of their memories."""
+    """What `Term`s compute of ``signals``, by name, with so many ``states`` of their memories."""
 
     signals: tuple[str, ...]
     states: int

@@ -19,9 +19,7 @@ SIMULATORS = SimulatorCache()
 
 
 def fitted(campaign: Campaign) -> Hypothesis:
-    baseline, _ = baseline_in_wide_ranges(
-        find_model("oscillator"), campaign, Settings(jobs=1), simulators=SIMULATORS
-    )  # fmt: skip
+    baseline, _ = baseline_in_wide_ranges(find_model("oscillator"), campaign, Settings(jobs=1), simulators=SIMULATORS)
     return baseline.hypothesis
 
 
