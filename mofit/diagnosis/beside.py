@@ -14,10 +14,11 @@ from typing import Any
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate, prepare
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.refit import NotFittedError, refit, refit_from
 from mofit.diagnosis.score_test import ScoreTest
+from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect
 from mofit.optimize import Minimum
 from mofit.parameters import Parameter
@@ -51,9 +52,8 @@ class _Sent:
         return Discrepancy(own, self.point, self.around, self.shift, self.sensitivity)
 
 
-def processes(fitted: Fitted) -> int:
-    """So many may compute candidates, refits or terms for a fitted model."""
-    observed = fitted.hypothesis.observed
+def processes(observed: WhitenedData) -> int:
+    """So many may compute candidates, refits or terms for the tests."""
     if observed.problem.evaluations is not None:  # a forked process would count its simulations for itself
         return 1
     return min(observed.simulators.jobs, _MOST)
@@ -71,24 +71,31 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
 
     # what has states of its own takes the most steps
     stateful = [effect for effect in effects if effect.states]
-    found = forked_map(sent, effects, processes(fitted), stateful, tell)
+    found = forked_map(sent, effects, processes(fitted.hypothesis.observed), stateful, tell)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
     ]
 
 
-def refitted(fitted: Fitted, added: Sequence[ScoreTest], limit: float, progress: Progress) -> list[Fitted | str]:
-    """The refit with each of the added effects, or why there is none; see `mofit.diagnosis.refit.refit`."""
-    present = fitted.hypothesis.effects
-    wanted = [_Wanted((*present, one.effect), partial(refit, fitted, one, limit)) for one in added]
-    return _fits(fitted, wanted, progress)
+def refitted(extended: Sequence[tuple[Fitted, ScoreTest]], limit: float, progress: Progress) -> list[Fitted | str]:
+    """The refit of every fitted model with an effect added, or why there is none; see `mofit.diagnosis.refit.refit`."""
+    wanted = [
+        _Wanted((*base.hypothesis.effects, one.effect), partial(refit, base, one, limit)) for base, one in extended
+    ]
+    return _fits(extended[0][0].hypothesis.observed, wanted, progress) if extended else []
 
 
 def refitted_from(models: Sequence[Fitted], other: Fitted, limit: float, progress: Progress) -> list[Fitted | str]:
     """The models fitted again from where another one ended, or why not; see `mofit.diagnosis.refit.refit_from`."""
     wanted = [_Wanted(one.hypothesis.effects, partial(refit_from, one, other, limit)) for one in models]
-    return _fits(other, wanted, progress)
+    return _fits(other.hypothesis.observed, wanted, progress)
+
+
+def fitted_to(observed: WhitenedData, models: Sequence[Fitted], progress: Progress) -> list[Fitted]:
+    """The models fitted to the tests with another noise; see `mofit.diagnosis.fitting.fit_to`."""
+    wanted = [_Wanted(one.hypothesis.effects, partial(fit_to, observed, one)) for one in models]
+    return [one for one in _fits(observed, wanted, progress) if isinstance(one, Fitted)]
 
 
 @dataclass(frozen=True)
@@ -99,8 +106,8 @@ class _Wanted:
     fit: Callable[[], Fitted]
 
 
-def _fits(fitted: Fitted, wanted: Sequence[_Wanted], progress: Progress) -> list[Fitted | str]:
-    """The fits to the tests of a fitted model."""
+def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress) -> list[Fitted | str]:
+    """The fits to the tests, or why there is none."""
 
     def sent(one: _Wanted) -> tuple[list[_Sent], int, Minimum, FloatArray, FloatArray] | str:
         try:
@@ -113,13 +120,13 @@ def _fits(fitted: Fitted, wanted: Sequence[_Wanted], progress: Progress) -> list
     def tell(number: int) -> None:
         progress("refit", number, len(wanted), " + ".join(effect.name for effect in wanted[number].effects))
 
-    models, stateful = list[Fitted | str](), [one for one in wanted if one.effects[-1].states]
-    for one, found in zip(wanted, forked_map(sent, wanted, processes(fitted), stateful, tell), strict=True):
+    models, stateful = list[Fitted | str](), [one for one in wanted if any(effect.states for effect in one.effects)]
+    for one, found in zip(wanted, forked_map(sent, wanted, processes(observed), stateful, tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue
         parts, steps, minimum, residual, jacobian = found
         discrepancies = [part.of_effect(effect) for part, effect in zip(parts, one.effects, strict=True)]
-        model = hypothesis(fitted.hypothesis.observed, discrepancies).with_steps(steps)
+        model = hypothesis(observed, discrepancies).with_steps(steps)
         models.append(Fitted(model, minimum, residual, jacobian))
     return models

@@ -195,7 +195,7 @@ def _predicted(
         model, points = leave_out(fitted, [one.tests for one in left_out], settings)
         return model.linear(points), [test for test, _ in model.outputs(points)]
 
-    linear, outputs = zip(*forked_map(folds, (baseline, best), processes(baseline)), strict=True)
+    linear, outputs = zip(*forked_map(folds, (baseline, best), processes(observed)), strict=True)
     response = -best.jacobian[:rows, best.free]
     for k, group in enumerate(left_out):
         here = np.isin(observed.test, group.tests)

@@ -199,7 +199,7 @@ def _ending(case: Case, observed: WhitenedData, records: Campaign | None, seed: 
         remainder = float(np.hypot(case.ignored, case.after.relative))
         # beside a main cause all others are compared by what they leave
         reported = found.models if case.is_main else case.conclusion.indistinguishable
-        found = with_final_estimates(found, observed, remainder, reported)
+        found = with_final_estimates(found, observed, remainder, reported, progress)
         share = share_left(found.best.fitted, found.baseline)
         candidates = rescaled(candidates, *(one.baseline.hypothesis.observed for one in (case.found, found)))
     reason = _why_no_shrinkage(case)

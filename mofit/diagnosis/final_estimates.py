@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from mofit.diagnosis.beside import fitted_to
 from mofit.diagnosis.candidate_model import CandidateModel
-from mofit.diagnosis.fitting import fit_to
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
+from mofit.runtime.progress import Progress, silent
 
 
 def with_final_estimates(
-    found: Attribution, observed: WhitenedData, remainder: float, reported: Sequence[CandidateModel]
+    found: Attribution,
+    observed: WhitenedData,
+    remainder: float,
+    reported: Sequence[CandidateModel],
+    progress: Progress = silent,
 ) -> Attribution:
     r"""The baseline and the reported models fitted again with what the best one leaves counted as noise.
 
@@ -32,5 +37,7 @@ def with_final_estimates(
     """
     noisy = with_discrepancy(observed, remainder, everywhere=True)
     kept = {id(one) for one in (found.best, *reported)}
-    models = [replace(one, fitted=fit_to(noisy, one.fitted)) if id(one) in kept else one for one in found.models]
-    return replace(found, baseline=fit_to(noisy, found.baseline), models=tuple(models))
+    again = [one for one in found.models if id(one) in kept]
+    baseline, *fits = fitted_to(noisy, [found.baseline, *(one.fitted for one in again)], progress)
+    fresh = {id(one): replace(one, fitted=fitted) for one, fitted in zip(again, fits, strict=True)}
+    return replace(found, baseline=baseline, models=tuple(fresh.get(id(one), one) for one in found.models))

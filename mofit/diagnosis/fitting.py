@@ -168,7 +168,7 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fi
         best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
     else:
         given_up = near.value > 0.5 * limit and not near.converged
-        settings = replace(settings, max_iterations=1) if given_up else settings
+        settings = replace(settings, max_iterations=0) if given_up else settings
         best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit)
         best = replace(best, members=near.members)
     here = model.linear(best.point[None])

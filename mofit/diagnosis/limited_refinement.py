@@ -12,13 +12,15 @@ from mofit._typing import FloatArray
 from mofit.optimize import Minimum, RefineSettings, merge, refine
 from mofit.optimize.levenberg_marquardt import Evaluate
 
-#: Iterations before a start may be given up, and over which its pace is measured: rejected steps come in rows.
+#: Iterations before one of several starts may be given up, which may lie far from any minimum; and those over which the
+#: pace is measured: rejected steps come in rows.
 _FIRST, _PACE = 2, 8
 #: Share of what a start lacks of the limit that a Newton step must promise, and the last iterations must have gained:
 #: with less, hardly anything will change.
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
-_BEHIND = 0.5
+#: And where the best one is given up: which of them is the better does not count then.
+_BEHIND, _BEHIND_HOPELESS = 0.5, 1.0
 #: Nats that a start must gain over as many iterations: in a curved valley it converges slowly, and where values and
 #: derivatives disagree never.
 _LEAST = 1e-2
@@ -28,7 +30,7 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
     """The best minimum from starts (K, d) of the unit cube.
 
     ``limit`` is the value that counts: a start far above it ends where hardly anything changes, and one behind another
-    where it cannot catch up with that one.
+    where it cannot catch up with that one. A start alone is taken to be near its minimum.
 
     Raises
     ------
@@ -40,23 +42,24 @@ def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings
 
 def minima(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Sequence[Minimum]:
     """All minima of `best_minimum`."""
-    hopes = _Hopes(limit) if np.isfinite(limit) else None
+    hopes = _Hopes(limit, 0 if len(np.atleast_2d(starts)) == 1 else _FIRST) if np.isfinite(limit) else None
     return merge(refine(evaluate, starts, settings, go_on=hopes))
 
 
 class _Hopes:
     """Which starts may still come down to a limit, asked once per iteration."""
 
-    def __init__(self, limit: float) -> None:
-        self.limit, self.iterations = limit, 0
+    def __init__(self, limit: float, first: int) -> None:
+        self.limit, self.first, self.iterations = limit, first, 0
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
         on = np.ones(len(values), dtype=bool)
-        if self.iterations >= _FIRST:
+        if self.iterations >= self.first:
             promised = _promised(gradients, hessians)
-            best = np.min(values, initial=np.inf, where=np.isfinite(values))
-            on &= (promised > HOPELESS * (values - self.limit)) & (promised >= _BEHIND * (values - best))
+            best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
+            on &= promised > HOPELESS * (values - self.limit)
+            on &= promised >= (_BEHIND if on[best] else _BEHIND_HOPELESS) * (values - values[best])
         if len(self.before) == _PACE:
             on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), _LEAST)
         self.before.append(values)

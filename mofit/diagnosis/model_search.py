@@ -19,6 +19,8 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.identification.widening import WORTH
 from mofit.runtime.progress import Progress, silent
 
+#: A fitted model, and the score test there of an effect to be added to it.
+_Extension = tuple[Fitted, ScoreTest]
 #: Multiple of the expected size, and of the shift of the model's parameters, that a strong effect is fitted from.
 _BEYOND = 2.0
 
@@ -97,30 +99,36 @@ class _Search:
         """Candidates that need a condition of the tests which an effect of the fitted model moves."""
         return {one.name for one in self.candidates if effects_moving(base, one.effect.needs)}
 
-    def extended(self, base: Fitted, added: Iterable[ScoreTest], progress: Progress) -> _Search:
-        """With refits of ``base`` plus each of the added effects."""
-        present = [effect.name for effect in base.hypothesis.effects]
-        fresh = [one for one in added if not self.tried([*present, one.name])]
+    def extended(self, wanted: Iterable[_Extension], progress: Progress) -> _Search:
+        """With refits of models with an effect added each, the most promising one first."""
+        fresh = {names: one for one in wanted if not self.tried(names := _names(one))}
         contender = self.settings.contender
-        made: dict[str, CandidateModel] = {}
+        made: dict[tuple[str, ...], CandidateModel] = {}
         failed = dict(self.failed)
         lowest = self.best.criterion
-        # the most promising one first: far above it the others need no exact fit
-        for part in (fresh[:1], fresh[1:]):
-            for one, found in zip(part, refitted(base, part, lowest + contender + self.doubt, progress), strict=True):
+        # far above the first the others need no exact fit
+        for part in (list(fresh)[:1], list(fresh)[1:]):
+            limit = lowest + contender + self.doubt
+            for names, found in zip(part, refitted([fresh[names] for names in part], limit, progress), strict=True):
                 if isinstance(found, str):
-                    failed[tuple(sorted((*present, one.name)))] = found
+                    failed[names] = found
                 else:
-                    made[one.name] = rated(found, len(self.candidates))
+                    made[names] = rated(found, len(self.candidates))
             lowest = min([lowest, *(one.criterion for one in made.values())])
         limit = lowest + contender
-        contenders = [one for one in fresh if one.name in made and made[one.name].criterion < limit]
+        contenders = [names for names, one in made.items() if one.criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
-        others = [other for one in contenders if (other := one.alternative) is not None]
-        for one, found in zip(others, refitted(base, others, limit + self.doubt, progress), strict=True):
+        others = [
+            (names, (base, other))
+            for names in contenders
+            for base, one in [fresh[names]]
+            if (other := one.alternative) is not None
+        ]
+        again = refitted([other for _, other in others], limit + self.doubt, progress)
+        for (names, _), found in zip(others, again, strict=True):
             if not isinstance(found, str):  # else the effect is fitted all the same
-                better, worse = sorted((made[one.name], rated(found, len(self.candidates))), key=_order)
-                made[one.name] = replace(better, alternative=worse)
+                better, worse = sorted((made[names], rated(found, len(self.candidates))), key=_order)
+                made[names] = replace(better, alternative=worse)
         return replace(self, models=tuple(sorted((*self.models, *made.values()), key=_order)), failed=failed)
 
     def beyond(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
@@ -129,7 +137,7 @@ class _Search:
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
         limit = self.best.criterion + self.settings.contender + self.doubt
-        return self._improved(refitted(self.baseline, farther, limit, progress))
+        return self._improved(refitted([(self.baseline, one) for one in farther], limit, progress))
 
     def elsewhere(self, progress: Progress) -> _Search:
         """With single effects fitted again from where a best model of several ended, where these end lower.
@@ -158,21 +166,30 @@ class _Search:
     def singly(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
         """With refits of the baseline plus each of the candidates whose scores promise something."""
         kept, passed_over = promising(scores, self.settings.promising, self.settings.most_refits)
-        return replace(self.extended(self.baseline, kept, progress), passed_over=passed_over)
+        return replace(self.extended([(self.baseline, one) for one in kept], progress), passed_over=passed_over)
 
     def all_singly(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
         """With refits of the baseline plus each of the candidates, whatever its score."""
-        return replace(self.extended(self.baseline, scores, progress), passed_over={})
+        return replace(self.extended([(self.baseline, one) for one in scores], progress), passed_over={})
 
-    def reached(self, effects: Sequence[str], progress: Progress) -> _Search:
-        """With a refit of just these effects, added one by one."""
-        if self.tried(effects):
-            return self
-        *first, last = effects
-        state = self.reached(first, progress)
-        bases = [one.fitted for one in state.models if one.effects == tuple(sorted(first))]
-        added = [one for base in bases for one in state.score_tests_at(base) if one.name == last]
-        return state.extended(bases[0], added, progress) if bases else state
+    def with_parts(self, progress: Progress) -> _Search:
+        """With refits of the best model's effects without each of them, added one by one."""
+        best, state = self.best.effects, self
+        parts = [tuple(name for name in best if name != left_out) for left_out in best]
+        for count in range(1, len(best)):
+            wanted = list[_Extension]()
+            for *first, last in dict.fromkeys(part[:count] for part in parts):
+                if not state.tried((*first, last)):
+                    bases = [one.fitted for one in state.models if one.effects == tuple(sorted(first))]
+                    wanted += [(base, one) for base in bases for one in state.score_tests_at(base) if one.name == last]
+            state = state.extended(wanted, progress)
+        return state
+
+
+def _names(extension: _Extension) -> tuple[str, ...]:
+    """Names of all effects, sorted."""
+    base, added = extension
+    return tuple(sorted([*(effect.name for effect in base.hypothesis.effects), added.name]))
 
 
 def attribute(
@@ -208,6 +225,7 @@ def attribute(
         # of two effects one would have explained more, and of three two, unless one moves the other
         share, doubt = settings.unexplained[count - 1], settings.doubt if count == 1 else 0.0
         state = _one_more(state, count, progress, only_moved=_leaves_more(state, share, doubt))
+    state = state.elsewhere(progress)
     return _attribution(nothing, state)
 
 
@@ -250,19 +268,14 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
         if only_moved:
             moved = [state.moved_by(one.fitted) for one in level]
             scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]
-        for base, added in best_extensions(level, scores, settings):
-            state = state.extended(base, added, progress)
-    if len(state.best.effects) <= count:
-        return state
-    for left_out in state.best.effects:
-        state = state.reached([name for name in state.best.effects if name != left_out], progress)
-    return state.elsewhere(progress)
+        state = state.extended(best_extensions(level, scores, settings), progress)
+    return state.with_parts(progress) if len(state.best.effects) > count else state
 
 
 def best_extensions(
     level: Sequence[CandidateModel], scores: Sequence[Sequence[ScoreTest]], settings: DiagnosisSettings
-) -> list[tuple[Fitted, list[ScoreTest]]]:
-    """What to add to which model: the sets for which the score tests promise the best criteria.
+) -> list[_Extension]:
+    """What to add to which model: the sets for which the score tests promise the best criteria, the best first.
 
     ``level`` are models, the best first, and ``scores`` the score tests at each of them.
     """
@@ -276,8 +289,7 @@ def best_extensions(
     best = sorted(promised.values(), key=lambda found: found[0])[: settings.most_extensions]
     gain = level[0].criterion - best[0][0] if best else 0.0
     limit = level[0].criterion - settings.extension_promising * gain
-    chosen = [(base, one) for criterion, base, one in best if criterion < limit]
-    return [(base.fitted, added) for base in level if (added := [one for by, one in chosen if by is base])]
+    return [(base.fitted, one) for criterion, base, one in best if criterion < limit]
 
 
 def _order(model: CandidateModel) -> float:

@@ -45,7 +45,7 @@ def smoothed_readings(fitted: Sequence[Reading]) -> list[Reading]:
     found, moving = list(fitted), [k for k in range(len(fitted)) if _moves(responses, k)]
     if not moving:
         return found
-    scales, count = np.array([fitted[k].target.scale for k in moving]), processes(signals.fitted)
+    scales, count = np.array([fitted[k].target.scale for k in moving]), processes(signals.fitted.hypothesis.observed)
     with np.errstate(all="ignore"):
         missing = list(_missing(signals, responses, moving, scales))
     steps = _STEPS[np.argmax(sum(forked_map(_log_likelihoods, missing, count)), axis=1)]

@@ -67,7 +67,9 @@ def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None =
     own = [one for one in signals.variables() if not one.derivative_of]
     targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(own))
     readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
-    found = forked_map(lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted))
+    found = forked_map(
+        lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted.hypothesis.observed)
+    )
     pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
     if not pairs:
         return None

@@ -121,7 +121,7 @@ def _selected(
         return selections(start.hypothesis.observed, columns, least, most)
 
     term_functions(tuple(terms))  # once, not by every process
-    return forked_map(selected, readings, processes(start))
+    return forked_map(selected, readings, processes(start.hypothesis.observed))
 
 
 def _likely(
@@ -255,7 +255,7 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
         return found.hypothesis.steps, found.minimum, found.residual, found.jacobian, errors
 
     trials = []
-    for one, found in zip(wanted, forked_map(sent, wanted, processes(start)), strict=True):
+    for one, found in zip(wanted, forked_map(sent, wanted, processes(start.hypothesis.observed)), strict=True):
         if found is not None:
             effect, model = one.beside(start)
             steps, minimum, residual, jacobian, errors = found

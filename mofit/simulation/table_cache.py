@@ -35,7 +35,6 @@ class TableCache(Generic[T]):
         #: table and number of its last use, the longest unused first
         self._kept: dict[Hashable, tuple[T, int]] = {}
         self._bytes = 0
-        _caches.add(self)
 
     def table(self, name: Hashable, make: Callable[[], T], used: Set[Hashable]) -> T:
         """The table of that name, made if it is not there, and kept where there is room.
@@ -53,12 +52,14 @@ class TableCache(Generic[T]):
             if _room_for(table.nbytes, self, used):
                 self._kept[name] = table, next(_calls)
                 self._bytes += table.nbytes
+                _caches.add(self)
         return table
 
     def clear(self) -> None:
         """Forget all tables."""
         self._kept.clear()
         self._bytes = 0
+        _caches.discard(self)
 
     def _by_use(self) -> Iterator[tuple[int, Hashable, TableCache[T]]]:
         """Last use and name of every table, the longest unused first, and this cache."""
@@ -66,8 +67,11 @@ class TableCache(Generic[T]):
 
     def _drop(self, name: Hashable) -> None:
         self._bytes -= self._kept.pop(name)[0].nbytes
+        if not self._kept:
+            _caches.discard(self)
 
 
+#: Those that hold tables: few of thousands.
 _caches: WeakSet[TableCache[Any]] = WeakSet()
 
 
@@ -80,7 +84,7 @@ def drop_tables() -> None:
 
 def _room_for(needed: int, own: TableCache[Any], used: Set[Hashable]) -> bool:
     """Whether there is room, which the longest unused tables make."""
-    caches = [cache for cache in _caches if cache._kept]  # of thousands few hold a table
+    caches = list(_caches)
     room, spare = KEPT_BYTES - sum(cache._bytes for cache in caches), list[tuple[TableCache[Any], Hashable]]()
     if room >= needed:
         return True

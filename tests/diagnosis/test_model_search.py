@@ -28,7 +28,7 @@ def scores(**statistics):
 
 def extensions(level, tests, share=0.5):
     found = best_extensions(level, tests, DiagnosisSettings(extension_promising=share))
-    return {(*base, one.name): one.statistic for base, added in found for one in added}
+    return {(*base, one.name): one.statistic for base, one in found}
 
 
 def test_sets_follow_by_the_criterion_that_they_promise():
