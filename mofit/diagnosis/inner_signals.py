@@ -264,13 +264,13 @@ def same(a: FloatArray, b: FloatArray) -> bool:
     return product >= (1 - _SAME) * float(a @ a) * float(b @ b)
 
 
-def inner_signals(fitted: Fitted) -> InnerSignals:
-    """Simulate all that the fitted model computes in the tests."""
+def inner_signals(fitted: Fitted, *, rates: bool = False) -> InnerSignals:
+    """Simulate all that the fitted model computes in the tests; maybe with `rates_of_inputs`."""
     hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
     base, present = base_and_effects(observed.problem.model)
     effects = (*present, *hypothesis.effects)
     given, tests = experiments_of(observed, hypothesis.effects), hypothesis.layout.values_by_test(fitted.minimum.point)
-    rates, moving = rates_of_inputs(hypothesis)
+    channels, moving = rates_of_inputs(hypothesis) if rates else ((), [{} for _ in tests])
     if isinstance(base, Simulator):
         base, given = frozen(base, effects, tests, given)
     inner = InnerModel(base, [state.name for effect in effects for state in effect.states])
@@ -286,4 +286,4 @@ def inner_signals(fitted: Fitted) -> InnerSignals:
     signals = [{name: one[0, :, k] for k, name in names} | own for one, own in zip(outputs, moving, strict=True)]
     first_used = {test: (given[test].lead + w.start, w.count) for test, _, w in reversed(observed.records)}
     used = [slice(start, start + count) for start, count in (first_used[test] for test in range(len(signals)))]
-    return InnerSignals(fitted, base, tuple(signals), tuple(used), tuple(given), rates)
+    return InnerSignals(fitted, base, tuple(signals), tuple(used), tuple(given), channels)

@@ -10,21 +10,15 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from mofit._typing import FloatArray
-from mofit.data import Experiment, Measurement
-from mofit.data.signals import SignalAnalysis
+from mofit.data import Experiment
 from mofit.diagnosis.candidate_model import CandidateModel, probabilities
 from mofit.diagnosis.expected_discrimination import LinearisedExperiment, linearise, rejection_probability
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.expected_responses import expected_responses
 from mofit.diagnosis.settings import NextExperimentSettings
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.diagnosis.whitening import Whitening
-from mofit.models import Model, with_effects
-from mofit.simulation import ExperimentData, experiment_data, first_input
-
-#: Runge–Kutta steps per sampling interval: no noise is known yet that would say how few are enough.
-_STEPS = 8
-#: Multiple of the largest measured output past which a simulation has diverged.
-_DIVERGENCE = 100.0
+from mofit.models import Model
+from mofit.simulation import first_input
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,7 @@ def next_experiment(
     if len({one.effects for one in models}) < 2 or usual is None:
         return None
     experiments = list(proposals(observed, usual, settings))
-    responses = [_responses(observed, one.fitted, experiments, settings) for one in models]
+    responses = expected_responses(observed, [one.fitted for one in models], experiments, settings.settling)
     tests = [_linearised(observed, models, each, one) for *each, one in zip(*responses, experiments, strict=True)]
     prior = probabilities(models)
     shortest = [max(settings.shortest, settings.periods / float(one.frequency or 1)) for one in experiments]
@@ -207,42 +201,6 @@ def _noise(observed: WhitenedData, experiment: Experiment, output: FloatArray) -
     whitening = min((record for record in observed.records if record[1] == observed.first_output[0]), key=difference)[2]
     level = float(np.median(whitening.process.spectrum[: max(whitening.count // 8, 8)]))
     return level * whitening.step / experiment.step
-
-
-def _responses(
-    observed: WhitenedData, fitted: Fitted, experiments: Sequence[Experiment], settings: NextExperimentSettings
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Output (n,) and its derivative in every experiment; nan where it diverges.
-
-    By the unit coordinates, and by the scoped values that the new test has of its own (n, d + l).
-    """
-    model = fitted.hypothesis
-    extended = with_effects(observed.problem.model, *model.effects)
-    data = [_without_measurement(observed, extended, one) for one in experiments]
-    layout, point = model.layout, fitted.minimum.point[None]
-    parameters = layout.parameters
-    unit = layout.in_new_test(point)
-    _, simulator = observed.simulators.simulator(extended, data, parameters.names, _STEPS)
-    first, signals = observed.first_output
-    peak = max(float(np.max(np.abs(values))) for values in signals)
-    found = []
-    slope = parameters.derivative(parameters.from_unit(unit))[0]
-    simulated = simulator.sensitivities(layout.by_name.full(unit))
-    for experiment, (output, slopes) in zip(experiments, simulated, strict=True):
-        used = experiment.time >= settings.settling / float(experiment.frequency or 1)
-        with np.errstate(over="ignore", invalid="ignore"):
-            response, columns = output[0, used, first], layout.in_columns_of_new_test(slopes[0, used, first] * slope)
-        if not np.max(np.abs(output[0, :, first])) < _DIVERGENCE * peak:
-            response, columns = np.full_like(response, np.nan), np.zeros_like(columns)
-        found.append((response, columns))
-    return found
-
-
-def _without_measurement(observed: WhitenedData, model: Model, experiment: Experiment) -> ExperimentData:
-    channel = observed.problem.model.outputs[0].name
-    # any output will do: it is not used
-    measurement = Measurement(experiment, {channel: np.sin(experiment.time)}, observed.problem.measurements[0].units)
-    return experiment_data(model, measurement, SignalAnalysis(None, 0, 0.0, 0.0, {}, "", {}), settled=False)
 
 
 def _linearised(

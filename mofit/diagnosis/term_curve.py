@@ -41,7 +41,7 @@ def term_curves(proposal: Proposal, seed: int = 0) -> dict[str, Any]:
         grid = main.scale * np.linspace(main.low, main.high, _POINTS)
         lines = [line("", {main.name: grid})]
     else:
-        inner, observed = inner_signals(fitted), fitted.hypothesis.observed
+        inner, observed = inner_signals(fitted, rates=True), fitted.hypothesis.observed
         lines = []
         whitenings = {test: w for test, _, w in reversed(observed.records)}
         for k, name in enumerate(observed.problem.tests[:_MOST_TESTS]):

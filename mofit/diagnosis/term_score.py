@@ -64,8 +64,7 @@ def best_term(fitted: Fitted, projection: Projection) -> TermScore | None:
 def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None = None) -> TermScore | None:
     """The same among all terms, or where one is ``known`` of that alone."""
     signals = inner_signals(fitted)
-    own = [one for one in signals.variables() if not one.derivative_of]
-    targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(own))
+    targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(signals.variables()))
     readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
     found = forked_map(
         lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted.hypothesis.observed)

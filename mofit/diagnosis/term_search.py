@@ -72,7 +72,7 @@ def searched(start: Fitted, least: float) -> Trial:
     Further ones, as long as they predict better, or others instead, as the motion comes nearer to the records. A term
     must remove at least ``least`` squares; what a later one makes superfluous goes again.
     """
-    best, own = Trial(start, None, prediction_errors(start)), inner_signals(start)
+    best, own = Trial(start, None, prediction_errors(start)), inner_signals(start, rates=True)
     variables = own.variables()
     # where the records tell little of a state, the fitted motion is the better guess
     fitted = fitted_readings(own, own.targets())
@@ -86,7 +86,7 @@ def searched(start: Fitted, least: float) -> Trial:
         chosen = simplest([best, *others, *further], least)
         if chosen is best or chosen.effect is None:
             break
-        again, best, own = chosen in others, chosen, inner_signals(chosen.fitted)
+        again, best, own = chosen in others, chosen, inner_signals(chosen.fitted, rates=True)
         (moved,) = smoothed_readings(fitted_readings(own, [chosen.effect.target]))
         without = readings_without(own, moved, best.placed, targets) if again else []
         others = _tried(start, best, without, [], variables, least)
