@@ -178,7 +178,7 @@ def conclude(
     if verdict == "unknown":
         titles = [title for _, title in laws]
         if finding.refuted:
-            near = refuted(titles, contradicting)
+            near = refuted(titles, contradicting, leaves_most=held_out is not None and held_out.leaves_most)
         else:
             unconfirmed = finding.stretched or finding.unshown
             near = nearest(titles, share, unconfirmed) if laws else unexplained(found.best_residuals, after.unit)

@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.few_periods import at_steps_for
-from mofit.diagnosis.fitting import Fitted, project
+from mofit.diagnosis.fitting import Fitted, of_few_periods, project
 from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hold_out_evidence import evidence_of
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
@@ -74,20 +74,21 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
 def leave_out(
     fitted: Fitted, tests: Sequence[Sequence[int]], settings: RefineSettings = _REFIT
 ) -> tuple[Hypothesis, FloatArray]:
-    """The hypothesis and its minima without some tests each, (hold-outs, d)."""
-    model, observed = fitted.hypothesis, fitted.hypothesis.observed
-    kept = np.ones((len(tests), len(fitted.residual)), dtype=bool)
+    """The hypothesis and its minima without some tests each, (hold-outs, d); by few periods where these do."""
+    brief = of_few_periods(fitted)
+    few, observed = brief.hypothesis, brief.hypothesis.observed
+    kept = np.ones((len(tests), len(brief.residual)), dtype=bool)
     kept[:, : len(observed.measured)] = [~np.isin(observed.test, some) for some in tests]
 
     def without(points: FloatArray, number: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        first = np.all(points == fitted.minimum.point)  # where all start, what is known need not be simulated
-        found = Linear(fitted.residual[None], fitted.jacobian[None]) if first else model.linear(points)
+        first = np.all(points == brief.minimum.point)  # where all start, what is known need not be simulated
+        found = Linear(brief.residual[None], brief.jacobian[None]) if first else few.linear(points)
         used = kept[number]
         return Linear(np.where(used, found.residual, 0.0), found.jacobian * used[..., None]).normal_equations()
 
-    starts = np.repeat(fitted.minimum.point[None], len(tests), axis=0)
+    starts = np.repeat(brief.minimum.point[None], len(tests), axis=0)
     points = minimise_each(without, starts, settings).points
-    points = with_own_nuisances(model, points, tests, settings)
+    points, model = with_own_nuisances(few, points, tests, settings), fitted.hypothesis
     # what is too stiff for the test that was left out shows there alone
     return at_steps_for(model, points, model.steps), points
 

@@ -29,7 +29,8 @@ class Finding:
     removed
         Share of the gap that these effects explain on tests left out; 0 if others explain about as much.
     refuted
-        Whether tests left out are no more probable with these effects, or some are far less.
+        Whether tests left out are no more probable with these effects, or some are far less, or most of the gap stays
+        there.
     stretched
         Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
         the gap goes, as a series that is fitted to a curve fails beyond its data.

@@ -194,9 +194,18 @@ class Shrinkage:
 
     @property
     def refutes(self) -> bool:
-        """Whether a hold-out contradicts the effect, or tests left out in turn are no more probable with it."""
+        """Whether a hold-out contradicts the effect, or tests left out in turn are no more probable with it.
+
+        Or most of the gap stays there.
+        """
         alike = self.of("test")
-        return bool(self.contradicting) or (alike is not None and alike.gain <= 0)
+        return bool(self.contradicting) or self.leaves_most or (alike is not None and alike.gain <= 0)
+
+    @property
+    def leaves_most(self) -> bool:
+        """Whether the 90 % interval of another test like these ends below half of the gap."""
+        alike = self.of("test")
+        return alike is not None and alike.high < HALF
 
     @property
     def reaches(self) -> bool:

@@ -130,6 +130,14 @@ def test_tests_left_out_that_are_less_probable_contradict_a_cause(held_out, verd
     assert main.verdict(DiagnosisSettings()) == ("effect" if verdict == "effect" else "partly")
 
 
+@pytest.mark.parametrize(("low", "high", "verdict"), [(-2.0, 0.49, "unknown"), (-2.0, 0.51, "effect")])
+def test_a_cause_that_leaves_most_of_the_gap_on_tests_left_out_is_none(low, high, verdict):
+    (alike,) = left_out(5.0).shares
+    held_out = Shrinkage((replace(alike, share=0.1, low=low, high=high),))
+    finding = Finding(("warm_up",), True, 0.5, 0.01, 0.9, refuted=held_out.refutes)
+    assert finding.verdict(DiagnosisSettings()) == verdict
+
+
 @pytest.mark.parametrize(("later", "runs_away", "of_cause"), [(0.3, False, 0.3), (0.9, False, 0.5), (0.0, True, 0.0)])
 def test_a_law_of_the_time_is_graded_by_later_tests_too(later, runs_away, of_cause):
     (alike,) = left_out(5.0).shares
@@ -166,6 +174,9 @@ def test_a_contradicted_cause_is_told():
     assert refuted(["payne"], ()) == ". Tests left out in turn are predicted no better with the nearest, payne"
     assert refuted(["payne"], ["sine_1", "sine_2"]) == (
         ". Without the nearest, payne, sine_1 and sine_2 would be predicted better from the other tests"
+    )
+    assert refuted(["warm_up"], (), leaves_most=True) == (
+        ". On tests left out in turn most of the gap stays with the nearest, warm_up"
     )
     assert contradicted([]) == ""
     assert contradicted(["sine_1"]) == (
