@@ -147,7 +147,9 @@ def project(fitted: Fitted) -> Projection:
     return Projection(basis, residual - basis @ (basis.T @ residual), triangle, fitted.free)
 
 
-def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fitted | None = None) -> Fitted:
+def fit(
+    model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fitted | None = None, least: float = 0.0
+) -> Fitted:
     """Refine from starts (K, d).
 
     Parameters
@@ -156,6 +158,8 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fi
         Sum of squares that counts: far above it a fit ends early, where hardly anything changes.
     beside
         A fit of another model to the same tests.
+    least
+        Share of its value that a fit with a limit must gain over some iterations.
 
     Raises
     ------
@@ -163,20 +167,20 @@ def fit(model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fi
         If no start can be simulated.
     """
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
-    near = _near_minimum(model, starts, settings, 0.5 * limit, beside) if len(starts) > 1 else None
+    near = _near_minimum(model, starts, settings, 0.5 * limit, beside, least) if len(starts) > 1 else None
     if near is None:
-        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit)
+        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit, least)
     else:
         given_up = near.value > 0.5 * limit and not near.converged
         settings = replace(settings, max_iterations=0) if given_up else settings
-        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit)
+        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit, least)
         best = replace(best, members=near.members)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
 def _near_minimum(
-    model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float, beside: Fitted | None
+    model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float, beside: Fitted | None, least: float
 ) -> Minimum | None:
     """The best minimum where a few periods of every test count, with its value where all do.
 
@@ -187,7 +191,7 @@ def _near_minimum(
     if few is None:
         return None
     try:
-        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out)
+        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out, least)
     except InputError:
         return None
     if beside is not None:

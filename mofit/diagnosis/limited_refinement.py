@@ -26,31 +26,37 @@ _BEHIND, _BEHIND_HOPELESS = 0.5, 1.0
 _LEAST = 1e-2
 
 
-def best_minimum(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Minimum:
+def best_minimum(
+    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf, least: float = 0.0
+) -> Minimum:
     """The best minimum from starts (K, d) of the unit cube.
 
     ``limit`` is the value that counts: a start far above it ends where hardly anything changes, and one behind another
-    where it cannot catch up with that one. A start alone is taken to be near its minimum.
+    where it cannot catch up with that one. A start alone is taken to be near its minimum. With a limit ``least`` is the
+    share of its value that a start must gain over some iterations.
 
     Raises
     ------
     InputError
         If no start can be evaluated.
     """
-    return min(minima(evaluate, starts, settings, limit), key=lambda one: one.value)
+    return min(minima(evaluate, starts, settings, limit, least), key=lambda one: one.value)
 
 
-def minima(evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf) -> Sequence[Minimum]:
+def minima(
+    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf, least: float = 0.0
+) -> Sequence[Minimum]:
     """All minima of `best_minimum`."""
-    hopes = _Hopes(limit, 0 if len(np.atleast_2d(starts)) == 1 else _FIRST) if np.isfinite(limit) else None
+    first = 0 if len(np.atleast_2d(starts)) == 1 else _FIRST
+    hopes = _Hopes(limit, first, least) if np.isfinite(limit) else None
     return merge(refine(evaluate, starts, settings, go_on=hopes))
 
 
 class _Hopes:
     """Which starts may still come down to a limit, asked once per iteration."""
 
-    def __init__(self, limit: float, first: int) -> None:
-        self.limit, self.first, self.iterations = limit, first, 0
+    def __init__(self, limit: float, first: int, least: float) -> None:
+        self.limit, self.first, self.least, self.iterations = limit, first, least, 0
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
@@ -61,7 +67,8 @@ class _Hopes:
             on &= promised > HOPELESS * (values - self.limit)
             on &= promised >= (_BEHIND if on[best] else _BEHIND_HOPELESS) * (values - values[best])
         if len(self.before) == _PACE:
-            on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), _LEAST)
+            least = np.maximum(self.least * np.abs(values), _LEAST)
+            on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), least)
         self.before.append(values)
         self.iterations += 1
         return on

@@ -34,6 +34,8 @@ _NUMBERS = 3e6
 _ROUNDS = 8
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
+#: Share of its value that a joint fit must gain over some iterations: a fraction of that half a per cent.
+_CRAWLING = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +244,9 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
             values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
             starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
             # no worse than without the terms
-            found = fit(at_steps_for(model, starts[0][None]), np.array(starts), 2 * start.minimum.value, start)
+            found = fit(
+                at_steps_for(model, starts[0][None]), np.array(starts), 2 * start.minimum.value, start, _CRAWLING
+            )
         except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
             return None
         # a shape at the end of its range is another form
