@@ -21,9 +21,9 @@ HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 #: And where the best one is given up: which of them is the better does not count then.
 _BEHIND, _BEHIND_HOPELESS = 0.5, 1.0
-#: Nats that a start must gain over as many iterations: in a curved valley it converges slowly, and where values and
-#: derivatives disagree never.
-_LEAST = 1e-2
+#: Nats that a start must gain over as many iterations, or share of what a Newton step promises: in a curved valley it
+#: converges slowly, and where values and derivatives disagree never.
+_LEAST, _KEPT = 1e-2, 5e-2
 
 
 def best_minimum(
@@ -60,14 +60,13 @@ class _Hopes:
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
     def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
-        on = np.ones(len(values), dtype=bool)
+        on, promised = np.ones(len(values), dtype=bool), _promised(gradients, hessians)
         if self.iterations >= self.first:
-            promised = _promised(gradients, hessians)
             best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
             on &= promised > HOPELESS * (values - self.limit)
             on &= promised >= (_BEHIND if on[best] else _BEHIND_HOPELESS) * (values - values[best])
         if len(self.before) == _PACE:
-            least = np.maximum(self.least * np.abs(values), _LEAST)
+            least = np.maximum(np.maximum(self.least * np.abs(values), _KEPT * promised), _LEAST)
             on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), least)
         self.before.append(values)
         self.iterations += 1

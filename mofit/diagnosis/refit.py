@@ -26,6 +26,8 @@ _CONDITION_STARTS, _CONDITION_REACH = 13, 3.0
 #: Most rounds of refitting the calibration stages and the model in turn, and the change of the log posterior at which
 #: they end.
 _ROUNDS, _TOLERANCE = 10, 0.1
+#: Rounds in which a fit may crawl: it does so in all others, too.
+_CRAWLING = 2
 #: Largest decrease of the sum of squares to expect of the first of those rounds, generously.
 _GAIN = 300.0
 
@@ -160,7 +162,7 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
     see `with_stages`. Where the fits alternate between two minima, the stages were never fitted where the effects
     ended: the worse of both counts.
     """
-    before, gain = found, _GAIN
+    before, gain, crawled = found, _GAIN, 0
     for left in reversed(range(_ROUNDS)):
         if 2 * found.minimum.value - limit > gain:
             return found
@@ -168,7 +170,8 @@ def settled(found: Fitted, limit: float, again: Callable[[Fitted], Fitted]) -> F
         change = abs(found.minimum.value - before.minimum.value)
         gain = 2 * left * change
         alone = not any(one.present_in_calibration for one in found.hypothesis.discrepancies)
-        if change < _TOLERANCE or (alone and found.minimum.converged):
+        crawled += not found.minimum.converged
+        if change < _TOLERANCE or (alone and found.minimum.converged) or crawled == _CRAWLING:
             return found
     return max(before, found, key=lambda one: one.minimum.value)
 

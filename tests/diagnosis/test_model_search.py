@@ -152,7 +152,7 @@ def test_of_alternating_minima_the_worse_counts(values, kept):
     assert settle(values, np.inf) == kept
 
 
-@pytest.mark.parametrize(("values", "converged", "kept"), [([5.0, 3.0], True, 3.0), ([5.0, 3.0, 1.0, 1.0], False, 1.0)])
+@pytest.mark.parametrize(("values", "converged", "kept"), [([5.0, 3.0], True, 3.0), ([5.0, 3.0, 1.0, 0.5], False, 1.0)])
 def test_a_fit_that_ends_before_its_minimum_goes_on(values, converged, kept):
     assert settle(values, np.inf, present=False, converged=converged) == kept
 
