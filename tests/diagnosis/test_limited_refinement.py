@@ -116,3 +116,44 @@ def test_a_start_that_no_longer_gains_anything_ends() -> None:
         return valley.evaluations
 
     assert evaluations(2 * FLOOR) < evaluations(np.inf) / 2
+
+
+@pytest.mark.parametrize(("share", "ends_at", "within"), [(1e-3, FLOOR + 9, 10), (0.1, FLOOR, 100)])
+def test_a_start_that_gains_little_of_what_is_promised_ends(share: float, ends_at: float, within: int) -> None:
+    """On a slope that falls by a share of what its derivative says: by a tenth is slow, by a thousandth is wrong."""
+    evaluations = 0
+
+    def slope(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        nonlocal evaluations
+        evaluations += len(points)
+        value = FLOOR + 1e4 * share * (1 - points[:, 0])
+        return value, np.full((len(points), 1), -1e4), np.full((len(points), 1, 1), 1e6)
+
+    found = best_minimum(slope, [[0.1]], RefineSettings(damping=1e-9), 2 * FLOOR)
+    assert found.value == pytest.approx(ends_at, abs=1)
+    assert evaluations <= within
+
+
+def test_beside_a_best_start_that_is_given_up_others_must_promise_to_be_better() -> None:
+    def ended(limit: float) -> int:
+        evaluations = 0
+
+        def bowl(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            nonlocal evaluations
+            evaluations += len(points)
+            away = points - 0.5
+            # a Newton step promises seven tenths of the way to the minimum
+            return FLOOR + 5e3 * away[:, 0] ** 2, 1e4 * away, np.full((len(points), 1, 1), 1e4 / 0.7)
+
+        best_minimum(bowl, [[0.5], [0.9]], RefineSettings(merge=None), limit)
+        return evaluations
+
+    assert ended(0.0) < ended(FLOOR + 1)
+
+
+def test_a_start_alone_is_given_up_at_once() -> None:
+    """It is near its minimum: what it promises there is all that can be had."""
+    valley = Valley()
+    found = best_minimum(valley, [[0.74, 0.74]], RefineSettings(), 0.0)
+    assert valley.evaluations == 1
+    np.testing.assert_array_equal(found.point, [0.74, 0.74])
