@@ -165,7 +165,7 @@ def _without_false_noise(found: Fitted, seed: int) -> Fitted:
     signals, false = list(observed.problem.signals), False
     for i, (test, _, w) in enumerate(observed.records):
         residual = w.signal(found.residual[: len(observed.measured)][observed.record == i])
-        if w.periods and np.mean(residual**2) < _FALSE * w.noise_sd**2:
+        if w.periods and np.var(residual) < _FALSE * w.noise_sd**2:
             signals[test], false = replace(signals[test], period=None, periods=0), True
     if not false:
         return found

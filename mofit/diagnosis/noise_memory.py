@@ -4,8 +4,9 @@ A short record hardly tells noise with a long memory from noise with a short one
 what all records tell is added up, that of the calibration tests too: the noise has one exponent in all of them. Its
 strength, and its colour beside the memory, each record tells for itself.
 
-Records that do not repeat stay as they are: their noise is what a regression has left. Part of a gap may be in it, and
-part of the noise is not; what is slow there may be the model's.
+Records that do not repeat stay as they are, and tell nothing of the stages: their noise is what a regression has left.
+Part of a gap may be in it, and part of the noise is not; what is slow there may be the model's. Beside others that
+repeat they are records of the same noise, and a few of these hardly tell its memory.
 """
 
 from __future__ import annotations
@@ -26,12 +27,14 @@ def with_common_memory(
     problem: Problem, records: Sequence[Record], calibrations: Sequence[Calibration]
 ) -> tuple[Problem, tuple[Record, ...], tuple[Calibration, ...]]:
     """Records and stages with the memory that all of them together tell, and the problem with the stages' prior."""
-    outputs, memory = problem.model.outputs, summed_memory(calibrations)
+    names, memory = [output.name for output in problem.model.outputs], summed_memory(calibrations)
+    of_rest: dict[str, FloatArray] = {}
     for _, output, w in records:
-        if w.periods:
-            memory[outputs[output].name] = memory.get(outputs[output].name, 0.0) + w.process.memory
+        own = memory if w.periods else of_rest
+        own[names[output]] = own.get(names[output], 0.0) + w.process.memory
     found = [
-        (test, output, _beside(w, memory[outputs[output].name]) if w.periods else w) for test, output, w in records
+        (test, output, _beside(w, memory[names[output]] + of_rest.get(names[output], 0.0)) if w.periods else w)
+        for test, output, w in records
     ]
     stages = tuple(one.with_memory(memory) for one in calibrations)
     if problem.prior.names:

@@ -105,3 +105,21 @@ def test_stages_and_records_share_what_they_tell() -> None:
     again = whiten(observed.problem, observed.calibrations)
     np.testing.assert_allclose(again.calibrations[0].hessian, stage.hessian)
     np.testing.assert_array_equal(again.measured, observed.measured)
+
+
+def test_records_that_do_not_repeat_tell_the_memory_of_those_that_do() -> None:
+    """One sine repeats, four do not, whose noise is known: its constant is as certain as if all did."""
+    rng = np.random.default_rng(9)
+    problem = build_problem(StraightLine(), sines(np.stack([long_memory(rng, 1000) for _ in range(5)])))
+    every = whiten(problem)
+    rest = [replace(one, period=None, periods=0) for one in problem.signals[1:]]
+    known = {(test, output): w.process for test, output, w in every.records[1:]}
+    mixed = whiten(replace(problem, signals=(problem.signals[0], *rest)), known=known)
+    first, *others = (w for _, _, w in mixed.records)
+    assert first.periods
+    assert not any(w.periods for w in others)
+    np.testing.assert_allclose(first.process.spectrum, every.records[0][2].process.spectrum)
+    alone = first.process.beside(0.0)
+    assert first.process.spectrum[0] > 1.5 * alone.spectrum[0]
+    for w, (test, output) in zip(others, known, strict=True):
+        np.testing.assert_array_equal(w.process.spectrum, known[test, output].spectrum)
