@@ -176,6 +176,7 @@ def test_numbers_of_the_diagnosis_are_those_of_the_code() -> None:
         f"the limit is {rules.indistinguishable_of_several:g},",
         f"is left (p < {rules.one_more_p_value:g})",
         f"residual tests have p < {rules.residual_p_value:g}",
+        f"p < {rules.gap_p_value:g} where it leaves more than {100 * (1 - rules.partly):g} % of the gap",
         f"exceeds {100 * rules.residual_of_peak:g} % of the output's peak",
         f"at most {100 * rules.residual_share:g} % of the gap of the baseline",
         f"({100 * rules.residual_share_of_several:g} % where several effects were needed)",

@@ -210,7 +210,7 @@ def _left(
     found: Attribution, before: ResidualMap, after: ResidualMap, settings: DiagnosisSettings
 ) -> tuple[float, float]:
     """What the best model leaves: relative to the output's peak in the worst test, and as a share of the gap."""
-    p_value = settings.residual_p_value
+    p_value = settings.gap_p_value
     first, last = found.baseline_residuals.squares(p_value), found.best_residuals.squares(p_value)
     total, still = max(sum(before.squares.values()), first.sum()), max(sum(after.squares.values()), last.sum())
     share = float(np.clip(still / total, 0.0, 1.0)) if total > 0 else 0.0

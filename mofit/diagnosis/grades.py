@@ -56,9 +56,9 @@ class Finding:
         return (len(self.effects) > 1 or self.in_time) and not self.shown
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
-        """Whether what is left is significant, and large enough to matter."""
-        enough = self.left_of_peak > settings.residual_of_peak
-        return self.left_p_value < settings.residual_p_value and enough
+        """Whether what is left is significant, and large enough to matter; most of a gap, where a gap would be."""
+        enough, most = self.left_of_peak > settings.residual_of_peak, self.left_share > 1 - settings.partly
+        return self.left_p_value < (settings.gap_p_value if most else settings.residual_p_value) and enough
 
     def verdict(self, settings: DiagnosisSettings) -> Verdict:
         """The verdict."""

@@ -106,6 +106,13 @@ def test_what_is_left_but_hidden_by_the_noise_is_no_part():
     assert Finding(("dry_friction",), True, 0.1, 0.01, 0.2, removed=0.8).verdict(DiagnosisSettings()) == "effect"
 
 
+@pytest.mark.parametrize(
+    ("p_value", "share", "verdict"), [(3e-3, 0.99, "unknown"), (3e-3, 0.3, "effect"), (6e-3, 0.99, "effect")]
+)
+def test_what_leaves_most_of_a_gap_is_asked_as_a_gap_is(p_value, share, verdict):
+    assert Finding(("warm_up",), True, p_value, 0.01, share).verdict(DiagnosisSettings()) == verdict
+
+
 def left_out(*gains, kind="test"):
     hold_outs = tuple(HoldOut(f"{k}", (f"{k}",), 0.5, 0.4, 0.6, gain=gain) for k, gain in enumerate(gains))
     return Shrinkage((Share(kind, 0.5, 0.4, 0.6, 0.5, hold_outs),))
