@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import diagnosis_peers
-from diagnosis_peers_cases import by_resid
+from diagnosis_peers_cases import by_resid, measured
 from diagnosis_peers_cases.answer import Choice, chosen
 from diagnosis_peers_cases.baseline import driven, fitted, inputs, prepared
 from diagnosis_peers_cases.page import page
@@ -21,6 +21,7 @@ from other_rigs_cases.campaign import make, name_of
 from other_rigs_cases.cases import CASES, cells
 from other_rigs_cases.excitation import COUNT
 from other_rigs_cases.score import measured_shares
+from other_rigs_cases.score import right as right_of_study
 
 TIME = np.arange(400) * 0.1
 SIZES = np.array([1.0, 0.7, 0.4, 0.9])
@@ -180,3 +181,9 @@ def test_signals_come_from_the_fitted_model(tmp_path):
     # and the offset itself moves the output by what it changes
     low, high = (simulator.space["x_0"].lower, simulator.space["x_0"].upper)
     assert simulator.moved(campaign)[simulator.space.index("x_0")] == pytest.approx(high - low, rel=1e-6)
+
+
+def test_what_is_said_of_the_measured_damper_can_be_judged():
+    said = {"verdict": "effect", "effects": ["dry_friction"], "families": ["friction"]}
+    found = right_of_study(measured.LABEL, said)
+    assert {name for name, holds in found.items() if holds} == {"first", "named", "family"}

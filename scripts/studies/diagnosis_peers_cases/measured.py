@@ -17,7 +17,7 @@ NAME, MODEL = "friction_damper", "kelvin_voigt_damper"
 SAMPLES = 897
 LABEL = {
     "rig": "friction damper", "excitation": "sine", "noise": "measured", "case": "dry friction with play",
-    "kind": "measured", "family": "friction", "effect": "dry_friction", "visible": True,
+    "kind": "measured", "family": "friction", "effect": "dry_friction", "akin": "", "visible": True,
 }  # fmt: skip
 
 
