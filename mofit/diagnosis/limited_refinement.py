@@ -19,7 +19,7 @@ _FIRST, _PACE = 2, 8
 #: with less, hardly anything will change.
 HOPELESS = 0.05
 #: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
-#: And where the best one is given up: which of them is the better does not count then.
+#: All of it where the best one is given up: which of two without hope is the better does not count.
 _BEHIND, _BEHIND_HOPELESS = 0.5, 1.0
 #: Nats that a start must gain over as many iterations, or share of what a Newton step promises: in a curved valley it
 #: converges slowly, and where values and derivatives disagree never.

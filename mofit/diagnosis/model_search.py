@@ -118,14 +118,13 @@ class _Search:
         limit = lowest + contender
         contenders = [names for names, one in made.items() if one.criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
-        others = [
-            (names, (base, other))
+        others = {
+            names: (fresh[names][0], other)
             for names in contenders
-            for base, one in [fresh[names]]
-            if (other := one.alternative) is not None
-        ]
-        again = refitted([other for _, other in others], limit + self.doubt, progress)
-        for (names, _), found in zip(others, again, strict=True):
+            if (other := fresh[names][1].alternative) is not None
+        }
+        again = refitted(list(others.values()), limit + self.doubt, progress)
+        for names, found in zip(others, again, strict=True):
             if not isinstance(found, str):  # else the effect is fitted all the same
                 better, worse = sorted((made[names], rated(found, len(self.candidates))), key=_order)
                 made[names] = replace(better, alternative=worse)
