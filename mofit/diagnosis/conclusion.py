@@ -178,7 +178,8 @@ def conclude(
     if verdict == "unknown":
         titles = [title for _, title in laws]
         if finding.refuted:
-            near = refuted(titles, contradicting, leaves_most=held_out is not None and held_out.leaves_most)
+            places = [] if held_out is None else [one.place for one in held_out.leaving_most]
+            near = refuted(titles, contradicting, places)
         else:
             unconfirmed = finding.stretched or finding.unshown
             near = nearest(titles, share, unconfirmed) if laws else unexplained(found.best_residuals, after.unit)

@@ -68,13 +68,16 @@ def nearest(titles: Sequence[str], share: float, unconfirmed: bool = False) -> s
     return f". The nearest, {' with '.join(titles)}, leaves {percent} % of the gap's mean square{doubt}{held_out}"
 
 
-def refuted(titles: Sequence[str], contradicting: Sequence[str], *, leaves_most: bool = False) -> str:
-    """That the best model fits, but predicts tests left out little or no better, or those that contradict it worse."""
+def refuted(titles: Sequence[str], contradicting: Sequence[str], places: Sequence[str]) -> str:
+    """That the best model fits, but predicts tests that contradict it worse, or others no better.
+
+    ``places``: hold-outs on which most of the gap stays.
+    """
     near = f"the nearest, {' with '.join(titles)}"
     if contradicting:
         return f". Without {near}, {' and '.join(contradicting)} would be predicted better from the other tests"
-    if leaves_most:
-        return f". On tests left out in turn most of the gap stays with {near}"
+    if places:
+        return f". On {' and '.join(places)} most of the gap stays with {near}"
     return f". Tests left out in turn are predicted no better with {near}"
 
 

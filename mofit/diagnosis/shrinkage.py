@@ -176,13 +176,13 @@ class Shrinkage:
     def of_cause(self) -> float:
         """The share by which a cause is graded, 0 if there is none.
 
-        That of tests like those that named it, as how far its law reaches is another question; but of a law of the
-        time it is the question, so that it must hold on the latest tests, too.
+        That of tests like those that named it, as how far its law reaches is another question; but most of the gap may
+        not stay elsewhere. Of a law of the time it is the question, so that it must hold on the latest tests, too.
         """
         alike, together = self.of("test"), self.of("group")
         held_out = (*self.ran_away, *(together.hold_outs if together else ()))
-        later = [one.share for one in held_out if one.later]
-        return min([alike.share, *later]) if alike else 0.0
+        counted = [one.share for one in held_out if one.later] + [one.share for one in self.leaving_most]
+        return min([alike.share, *counted]) if alike else 0.0
 
     @property
     def contradicting(self) -> tuple[HoldOut, ...]:
@@ -199,13 +199,12 @@ class Shrinkage:
         Or most of the gap stays there.
         """
         alike = self.of("test")
-        return bool(self.contradicting) or self.leaves_most or (alike is not None and alike.gain <= 0)
+        return bool(self.contradicting or self.leaving_most) or (alike is not None and alike.gain <= 0)
 
     @property
-    def leaves_most(self) -> bool:
-        """Whether the 90 % interval of another test like these ends below half of the gap."""
-        alike = self.of("test")
-        return alike is not None and alike.high < HALF
+    def leaving_most(self) -> tuple[Share, ...]:
+        """Shares on tests left out, or groups of them, whose 90 % interval ends below half of the gap."""
+        return tuple(one for one in self.shares if one.kind != "records" and one.high < HALF)
 
     @property
     def reaches(self) -> bool:
