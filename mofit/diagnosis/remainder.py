@@ -121,7 +121,7 @@ def evidence(
 
 
 def left_on_new_records(
-    hold_outs: Sequence[Evidence], tests: Sequence[Evidence], random: np.random.Generator
+    hold_outs: Sequence[Evidence], tests: Sequence[Evidence], random: np.random.Generator, *, alike: bool = False
 ) -> FloatArray:
     """Draws of the share left on a new record like those held out.
 
@@ -131,29 +131,39 @@ def left_on_new_records(
         Of one kind; a new record is as probably like any of them.
     tests
         Tests left out in turn: they tell how records differ. May be empty.
+    alike
+        Whether those held out are records of one kind: their estimation errors differ by chance alone. Tests differ by
+        plan, in amplitude and frequency, and so will new ones.
     """
     missed = _missed(hold_outs, _spread_between(tests), random)
-    return missed + _estimation(hold_outs, tests, random)
+    return missed + _estimation(hold_outs, tests, random, alike)
 
 
-def _estimation(hold_outs: Sequence[Evidence], tests: Sequence[Evidence], random: np.random.Generator) -> FloatArray:
+def _estimation(
+    hold_outs: Sequence[Evidence], tests: Sequence[Evidence], random: np.random.Generator, alike: bool
+) -> FloatArray:
     """Draws of the estimation error, of the fit to all tests or the one without some: both stand for new records."""
     level = np.array([[np.mean(np.log(one.whole)), np.mean(np.log(one.without))] for one in hold_outs])
     which, fit = random.integers(len(hold_outs), size=_DRAWS), random.integers(2, size=_DRAWS)
-    found = np.exp(level.mean(axis=0))[fit]
+    found = np.exp(level[which, fit] if alike else level.mean(axis=0)[fit])
     for k, one in enumerate(hold_outs):
         here = which == k
         found[here] *= random.chisquare(1, (int(here.sum()), len(one.parts))) @ one.parts
-    each = np.log(np.concatenate([one.whole for one in tests])) if tests else np.zeros(0)
-    spread = float(np.std(each, ddof=1)) if len(each) > 1 else _TYPICAL_SPREAD
-    count = sum(len(one.whole) for one in hold_outs)
-    with np.errstate(over="ignore"):  # two tests say next to nothing of their spread: some draws are beyond all bounds
-        found *= np.exp(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS))
+    if not alike:
+        found = found * _between(tests, sum(len(one.whole) for one in hold_outs), random)
     expected = sum(one.expected for one in tests)
     if expected > 0:  # the scale of the posterior by the jackknife, as uncertain as there are tests
         scale = sum(one.moved for one in tests) / expected
         found *= scale * len(tests) / random.chisquare(len(tests), _DRAWS)
     return np.asarray(found)
+
+
+def _between(tests: Sequence[Evidence], count: int, random: np.random.Generator) -> FloatArray:
+    """Draws of the factor between the estimation error of a new test and the mean of so many."""
+    each = np.log(np.concatenate([one.whole for one in tests])) if tests else np.zeros(0)
+    spread = float(np.std(each, ddof=1)) if len(each) > 1 else _TYPICAL_SPREAD
+    with np.errstate(over="ignore"):  # two tests say next to nothing of their spread: some draws are beyond all bounds
+        return np.asarray(np.exp(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS)))
 
 
 def _missed(hold_outs: Sequence[Evidence], spreads: FloatArray, random: np.random.Generator) -> FloatArray:

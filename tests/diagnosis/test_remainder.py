@@ -17,8 +17,8 @@ def hold_out(missed, noise, random, estimation=1e-6):
     return evidence(power, response, np.ones(1), np.eye(1), 1.2 * np.eye(1), 0.2 * estimation)
 
 
-def interval(hold_outs, tests):
-    return np.quantile(left_on_new_records(hold_outs, tests, np.random.default_rng(0)), (0.05, 0.95))
+def interval(hold_outs, tests, **how):
+    return np.quantile(left_on_new_records(hold_outs, tests, np.random.default_rng(0), **how), (0.05, 0.95))
 
 
 def test_of_an_exact_law_the_estimation_error_is_left_or_what_the_noise_hides() -> None:
@@ -64,6 +64,28 @@ def test_few_tests_tell_less_than_many() -> None:
     tests = [hold_out(0.02, 1e-3, random) for _ in range(12)]
     few, many = (interval(some, some) for some in (tests[:2], tests))
     assert few[1] / few[0] > many[1] / many[0]
+
+
+def test_tests_that_differ_by_plan_do_not_widen_what_a_record_of_one_kind_tells() -> None:
+    """Its estimation error is about its own, times chi-squared: 0.004 to 3.8 of it, for the larger of two fits 1.2."""
+    random = np.random.default_rng(4)
+    tests = [hold_out(0.0, 1e-9, random, 10.0**k) for k in (-8, -7, -6, -5, -4)]
+    record = [hold_out(0.0, 1e-9, random, 1e-6)]
+    narrow, wide = (interval(record, tests, alike=one) for one in (True, False))
+    assert narrow[0] > 10 * wide[0]
+    assert 1e-6 < narrow[1] < 2e-5 < wide[1] / 10
+
+
+def test_a_new_record_of_one_kind_is_as_probably_like_any_of_them() -> None:
+    random = np.random.default_rng(5)
+    tests = [hold_out(0.0, 1e-9, random, 1e-6) for _ in range(6)]
+    records = [hold_out(0.0, 1e-9, random, one) for one in (1e-7, 1e-3)]
+    left = left_on_new_records(records, tests, np.random.default_rng(0), alike=True)
+    assert np.mean(left < 1e-5) == pytest.approx(0.5, abs=0.1)
+    kinds = [Share(kind, 0.5, 0.0, 1.0, 0.5, (), evidence=tuple(records)) for kind in ("group", "records")]
+    group, told = (one.foretelling(tests, 0) for one in kinds)
+    assert told.high - 1 == pytest.approx(-np.quantile(left, 0.05))
+    assert group.high != told.high
 
 
 def test_the_share_stays_within_its_interval() -> None:
