@@ -129,9 +129,7 @@ class Share:
         """
         if not self.evidence:
             return self
-        left = left_on_new_records(
-            self.evidence, tests, np.random.default_rng(seed), alike=self.kind == "records"
-        )
+        left = left_on_new_records(self.evidence, tests, np.random.default_rng(seed), alike=self.kind == "records")
         high = 1 - float(np.quantile(left, 0.05))
         away = sum(one.ran_away for one in self.hold_outs)
         left[: round(away / (away + len(self.evidence)) * len(left))] = 1.0
