@@ -163,7 +163,8 @@ def conclude(
         removed=removed,
         refuted=held_out is not None and held_out.refutes,
         stretched=held_out is not None and several and len(best.families) == 1 and not held_out.reaches,
-        shown=held_out is None or held_out.shows_help,
+        shown=held_out is None or held_out.shows_help(),
+        shown_in_groups=held_out is None or held_out.shows_help("group"),
         in_time=follow_run_order(best.fitted.hypothesis.effects),
     )
     share = left_share if share is None else share

@@ -34,8 +34,10 @@ class Finding:
     stretched
         Whether several laws of one family stand for one that is none of them: on some hold-outs no more than half of
         the gap goes, as a series that is fitted to a curve fails beyond its data.
-    shown, in_time
-        Whether tests left out show that these effects help, and whether one of them follows the run order.
+    shown, shown_in_groups
+        Whether tests left out show that these effects help, and whether groups of them do.
+    in_time
+        Whether one of them follows the run order.
     """
 
     effects: Sequence[str]
@@ -48,12 +50,21 @@ class Finding:
     refuted: bool = False
     stretched: bool = False
     shown: bool = True
+    shown_in_groups: bool = True
     in_time: bool = False
 
     @property
     def unshown(self) -> bool:
         """Whether flexible causes, which also fit what they do not cause, are not shown to help."""
         return (len(self.effects) > 1 or self.in_time) and not self.shown
+
+    def stands_for_most(self, settings: DiagnosisSettings) -> bool:
+        """Whether these effects explain most of a gap that they leave something of.
+
+        Of one that follows the run order how far its law reaches is the question: groups of tests must show it, too.
+        """
+        unshown = self.unshown or (self.in_time and not self.shown_in_groups)
+        return bool(self.effects) and not unshown and self.removed >= settings.partly
 
     def beyond_noise(self, settings: DiagnosisSettings) -> bool:
         """Whether what is left is significant, and large enough to matter; most of a gap, where a gap would be."""
@@ -68,5 +79,5 @@ class Finding:
         if not self.significant or not (self.effects or unexplained):
             return "none"
         if unexplained or self.refuted or self.stretched or (several and self.unshown) or not self.effects:
-            return "partly" if self.effects and not self.unshown and self.removed >= settings.partly else "unknown"
+            return "partly" if self.stands_for_most(settings) else "unknown"
         return "several" if several else "group" if self.doubtful else "effect"

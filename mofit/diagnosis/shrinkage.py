@@ -211,11 +211,10 @@ class Shrinkage:
         """Whether more than half of the gap goes on every kind of hold-out, and no fit runs away."""
         return not self.ran_away and all(one.share > HALF for one in self.shares)
 
-    @property
-    def shows_help(self) -> bool:
-        """Whether the 90 % interval of another test like these lies above nothing; of a single test it is unknown."""
-        alike = self.of("test")
-        return alike is None or alike.low > 0
+    def shows_help(self, kind: Kind = "test") -> bool:
+        """Whether the 90 % interval on another such hold-out lies above nothing; where there is none it is unknown."""
+        share = self.of(kind)
+        return share is None or share.low > 0
 
     @property
     def sentence(self) -> str:

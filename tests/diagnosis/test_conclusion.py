@@ -250,19 +250,23 @@ def test_a_family_that_all_candidates_share_is_named_without_doubt():
 
 
 @pytest.mark.parametrize(
-    ("effects", "left", "low", "verdict"),
+    ("effects", "left", "low", "low_of_groups", "verdict"),
     [
-        (("drift",), 0.3, 0.1, "partly"),
-        (("drift",), 0.3, -0.1, "unknown"),
-        (("drift",), 0.0, -0.1, "effect"),
-        (("dry_friction",), 0.3, -0.1, "partly"),
-        (("dry_friction", "delay"), 0.0, 0.1, "several"),
-        (("dry_friction", "delay"), 0.0, -0.1, "unknown"),
+        (("drift",), 0.3, 0.1, 0.1, "partly"),
+        (("drift",), 0.3, -0.1, 0.1, "unknown"),
+        (("drift",), 0.3, 0.1, -0.1, "unknown"),
+        (("drift",), 0.0, -0.1, -0.1, "effect"),
+        (("dry_friction",), 0.3, -0.1, -0.1, "partly"),
+        (("dry_friction", "delay"), 0.0, 0.1, -0.1, "several"),
+        (("dry_friction", "delay"), 0.0, -0.1, 0.1, "unknown"),
     ],
 )
-def test_flexible_causes_must_be_seen_to_help(effects, left, low, verdict):
-    found = Shrinkage((Share("test", 0.8, low, 0.9, 0.8, ()),))
-    finding = Finding(effects, True, 1e-9, 0.01, left, removed=0.8, shown=found.shows_help, in_time="drift" in effects)
+def test_flexible_causes_must_be_seen_to_help(effects, left, low, low_of_groups, verdict):
+    """And where a law of the time leaves something, on whole groups of tests, too."""
+    kinds = (("test", low), ("group", low_of_groups))
+    found = Shrinkage(tuple(Share(kind, 0.8, one, 0.9, 0.8, ()) for kind, one in kinds))
+    shown = {"shown": found.shows_help(), "shown_in_groups": found.shows_help("group")}
+    finding = Finding(effects, True, 1e-9, 0.01, left, removed=0.8, **shown, in_time="drift" in effects)
     assert finding.verdict(DiagnosisSettings()) == verdict
 
 
