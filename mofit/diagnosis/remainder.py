@@ -150,7 +150,9 @@ def _estimation(
         here = which == k
         found[here] *= random.chisquare(1, (int(here.sum()), len(one.parts))) @ one.parts
     if not alike:
-        found = found * _between(tests, sum(len(one.whole) for one in hold_outs), random)
+        apart = _between(tests, sum(len(one.whole) for one in hold_outs), random)
+        with np.errstate(over="ignore"):  # two tests say next to nothing of their spread: some are beyond all bounds
+            found *= np.exp(apart)
     expected = sum(one.expected for one in tests)
     if expected > 0:  # the scale of the posterior by the jackknife, as uncertain as there are tests
         scale = sum(one.moved for one in tests) / expected
@@ -159,11 +161,10 @@ def _estimation(
 
 
 def _between(tests: Sequence[Evidence], count: int, random: np.random.Generator) -> FloatArray:
-    """Draws of the factor between the estimation error of a new test and the mean of so many."""
+    """Draws of the logarithm of a new test's estimation error beside the mean of so many."""
     each = np.log(np.concatenate([one.whole for one in tests])) if tests else np.zeros(0)
     spread = float(np.std(each, ddof=1)) if len(each) > 1 else _TYPICAL_SPREAD
-    with np.errstate(over="ignore"):  # two tests say next to nothing of their spread: some draws are beyond all bounds
-        return np.asarray(np.exp(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS)))
+    return np.asarray(spread * np.sqrt(1 + 1 / count) * random.standard_t(max(len(each) - 1, 1), _DRAWS))
 
 
 def _missed(hold_outs: Sequence[Evidence], spreads: FloatArray, random: np.random.Generator) -> FloatArray:
