@@ -28,6 +28,8 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.models.effect import CALIBRATION_ERROR
 
+#: A tenth of a gap, and of what is left of it.
+_PART = 0.1
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
 #: Families whose law has no shape, only a coefficient or none: no term refines it.
@@ -102,15 +104,18 @@ class Conclusion:
         sets = [one.families for one in self.indistinguishable]
         return bool(sets) and not frozenset.intersection(*sets)
 
-    @property
-    def replaceable(self) -> bool:
-        """Whether a term that explains more shows the causes to be none: in doubt, or all `WITHOUT_SHAPE`.
+    def replaceable_by(self, left: float) -> bool:
+        """Whether a term that leaves this share of the gap on tests left out shows the causes to be none.
 
-        A law that explains most of a gap may be the right one, which the term refines; a wrong constant, or a coupling
-        by one coefficient, is right or is not.
+        Of causes in doubt, or that are all `WITHOUT_SHAPE`, any does: a law that explains most of a gap may be the
+        right one, which the term refines; a wrong constant, or a coupling by one coefficient, is right or is not. And a
+        law is another one where it leaves more than a tenth of the gap, and the term less than a tenth of that: with a
+        shape like the right one, a cubic for a hyperbolic sine, it leaves some per cent.
         """
+        if not self.indistinguishable:
+            return False
         without = all(one.families <= WITHOUT_SHAPE for one in self.indistinguishable)
-        return self.in_doubt or (bool(self.indistinguishable) and without)
+        return self.in_doubt or without or left / _PART < self.residual_share > _PART
 
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:
@@ -199,7 +204,7 @@ def conclude(
 
 
 def replaced_by_term(conclusion: Conclusion) -> Conclusion:
-    """`unknown` in place of a main cause that is `replaceable`, instead of which a term is proposed."""
+    """`unknown` in place of a main cause that a term shows to be none, see `Conclusion.replaceable_by`."""
     best = conclusion.indistinguishable[0].effects
     nearest_ones, others = (
         [one.title for one in conclusion.effects if (one.name in best) == chosen] for chosen in (True, False)

@@ -247,7 +247,7 @@ def _proposed(first: Case, case: Case, ending: _Ending, seed: int, progress: Pro
 def _with_term(ending: _Ending, proposed: Proposal) -> _Ending:
     """The ending with the term in its sentence; a cause that the term shows to be none is left out."""
     conclusion = ending.conclusion
-    if proposed.instead and conclusion.replaceable:
+    if proposed.instead and conclusion.replaceable_by(1 - proposed.removed):
         conclusion = replaced_by_term(conclusion)
         ending = replace(ending, shrinkage=None, reason="a term explains the gap better than the nearest known effect")
     return replace(ending, conclusion=replace(conclusion, sentence=f"{conclusion.sentence} {proposed.sentence}"))

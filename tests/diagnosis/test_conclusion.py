@@ -275,11 +275,11 @@ def test_what_tests_left_out_do_not_confirm_is_told():
     assert told == nearest(["drift", "payne"], 0.01) + ", but tests left out do not confirm it"
 
 
-def like(*sets):
+def like(*sets, left=0.06):
     """A main cause, indistinguishable from others, whose families are named as their effects."""
     models = tuple(SimpleNamespace(effects=one, families=frozenset(one)) for one in sets)
     effects = tuple(named(name, 0.5, False) for name in dict.fromkeys(name for one in sets for name in one))
-    return Conclusion("partly", "One causes most of the gap.", effects, (), models, 0.06, ())
+    return Conclusion("partly", "One causes most of the gap.", effects, (), models, left, ())
 
 
 @pytest.mark.parametrize(
@@ -309,7 +309,16 @@ def test_a_cause_is_in_doubt_if_no_family_is_sure(sets, in_doubt):
     ],
 )
 def test_what_has_no_shape_is_not_refined_by_a_term(sets, replaceable):
-    assert like(*sets).replaceable == replaceable
+    assert like(*sets).replaceable_by(0.001) == replaceable
+
+
+@pytest.mark.parametrize(
+    ("left", "left_by_term", "replaceable"),
+    [(0.15, 0.001, True), (0.15, 0.016, False), (0.08, 0.001, False), (0.08, 0.0, False)],
+)
+def test_a_law_that_leaves_much_is_another_one_where_a_term_leaves_hardly_anything(left, left_by_term, replaceable):
+    """A cubic for a stop leaves a sixth of the gap, for a hyperbolic sine some per cent."""
+    assert like(("friction",), left=left).replaceable_by(left_by_term) == replaceable
 
 
 def test_families_without_shape_are_families_of_the_catalogue():
