@@ -30,9 +30,10 @@ motion which the records tell; with seeds 7426 and 8111 to constants that count 
 seed 11549 to fits of all effects before two are named, and to inputs that are led in of all tests that fit better so;
 with seed 13007 to noise that is told without bias where past inputs predict all; with seed 13337 to records that do not
 repeat and tell the memory of the noise of those that do, and to intervals of records held out that do not take the
-spread of tests; with the strangers of all these seeds to causes that must be seen to help and may leave most of a gap
-nowhere in the campaign, to terms learnt without the calibration stages, to a saturation among them and to rates of
-inputs, and to a residual test of functions of the model's own signals.
+spread of tests; with the strangers of all these seeds to causes that must be seen to help, may leave most of a gap
+nowhere in the campaign, and are none where they leave much of which a term leaves hardly anything; to terms learnt
+without the calibration stages, to a saturation among them and to rates of inputs, and to a residual test of functions
+of the model's own signals.
 
 Strangers are no effect of the catalogue: a bump stop, a damping that grows with the deflection, an amplifier's knee, a
 dead band, a gain of one sign alone, a rectified crosstalk of the drive, a gain that walks at random, a subharmonic.
