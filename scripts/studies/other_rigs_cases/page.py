@@ -128,7 +128,10 @@ def _shrinkage(seen: Rows) -> list[str]:
                 shares = [f"{100 * value:.0f} %" for value in (held.mean(), above.mean())]
                 middle = f"{100 * np.median(measured):.1f} %"
                 body.append((f"{kind} records, {told} interval", held.sum(), len(pairs), *shares, middle))
-    asked = "Asked: 85 to 95 % of the 90 % intervals hold the share that is measured, (e)."
+    asked = (
+        "Asked: 85 to 95 % of the 90 % intervals hold the share that is measured, by kind of hold-out, (e). The "
+        "headline is the interval of the most demanding kind at hand: of records held out, where there are any."
+    )
     return [asked, "", *table(("measured on", "hold", "of", "share", "measured above", "median measured"), body)]
 
 
