@@ -15,15 +15,15 @@ from mofit.optimize.levenberg_marquardt import Evaluate
 #: Iterations before one of several starts may be given up, which may lie far from any minimum; and those over which the
 #: pace is measured: rejected steps come in rows.
 _FIRST, _PACE = 2, 8
-#: Share of what a start lacks of the limit that a step in the box must promise, and the last iterations have gained:
+#: Share of what a start lacks of the limit that a Newton step must promise, and the last iterations must have gained:
 #: with less, hardly anything will change.
 HOPELESS = 0.05
-#: Share of what a start lacks of the best one that a step must promise: in a bent valley it promises too little.
+#: Share of what a start lacks of the best one that a Newton step must promise: in a bent valley it promises too little.
 #: All of it where the best one is given up: which of two without hope is the better does not count.
 _BEHIND, _BEHIND_HOPELESS = 0.5, 1.0
-#: Nats that a start must gain over as many iterations: in a curved valley it converges slowly, and where values and
-#: derivatives disagree never.
-_LEAST = 1e-2
+#: Nats that a start must gain over as many iterations, or share of what a Newton step promises: in a curved valley it
+#: converges slowly, and where values and derivatives disagree never.
+_LEAST, _KEPT = 1e-2, 5e-2
 
 
 def best_minimum(
@@ -58,18 +58,26 @@ class _Hopes:
     def __init__(self, limit: float, first: int, least: float) -> None:
         self.limit, self.first, self.least, self.iterations = limit, first, least, 0
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
-        self.last: FloatArray | float = 0.0
 
-    def __call__(self, values: FloatArray, promised: FloatArray) -> NDArray[np.bool_]:
-        # where a path follows a bound, a single step may promise nothing
-        on, self.last, promised = np.ones(len(values), dtype=bool), promised, np.maximum(promised, self.last)
+    def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
+        on, promised = np.ones(len(values), dtype=bool), _promised(gradients, hessians)
         if self.iterations >= self.first:
             best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
             on &= promised > HOPELESS * (values - self.limit)
             on &= promised >= (_BEHIND if on[best] else _BEHIND_HOPELESS) * (values - values[best])
         if len(self.before) == _PACE:
-            least = np.maximum(self.least * np.abs(values), _LEAST)
+            least = np.maximum(np.maximum(self.least * np.abs(values), _KEPT * promised), _LEAST)
             on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), least)
         self.before.append(values)
         self.iterations += 1
         return on
+
+
+def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:
+    """By how much a Newton step from every point lowers the value, (K,)."""
+    # scaled, and by a pseudo-inverse: beside derivatives of 1e30 a unit matrix makes none regular
+    sizes = np.sqrt(1 + np.diagonal(hessians, axis1=1, axis2=2))
+    scaled = (hessians + np.eye(gradients.shape[1])) / (sizes[:, :, None] * sizes[:, None, :])
+    slopes = gradients / sizes
+    steps = (np.linalg.pinv(scaled, hermitian=True) @ slopes[..., None])[..., 0]
+    return np.asarray(0.5 * np.sum(slopes * steps, axis=1))

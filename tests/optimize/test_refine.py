@@ -216,7 +216,7 @@ def test_a_start_that_is_given_up_ends_where_it_is_and_the_others_go_on():
     rosenbrock = next(one for one in PROBLEMS if one.name == "rosenbrock")
     starts, asked = np.array([[0.1, 0.9], [0.6, 0.6]]), []
 
-    def go_on(values, promised):
+    def go_on(values, gradients, hessians):
         asked.append(values)
         return values < np.max(asked[0])
 
@@ -226,19 +226,3 @@ def test_a_start_that_is_given_up_ends_where_it_is_and_the_others_go_on():
     assert found.status[1 - worse] == "converged"
     np.testing.assert_array_equal(found.points[worse], starts[worse])
     assert found.values[1 - worse] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_what_lies_beyond_a_bound_is_not_promised():
-    """A bowl about (-1, 1/2): at x = 0 only y promises anything, the whole of what is to be had in the box."""
-    told = []
-
-    def bowl(points):
-        away = points - [-1.0, 0.5]
-        return 50 * np.sum(away**2, axis=1), 100 * away, np.broadcast_to(100 * np.eye(2), (len(points), 2, 2))
-
-    def go_on(values, promised):
-        told.append(promised)
-        return np.zeros(len(values), dtype=bool)
-
-    refine(bowl, [[0.0, 0.7], [1.0, 0.5]], go_on=go_on)
-    np.testing.assert_allclose(told[0], [50 * 0.2**2, 50 * (2**2 - 1**2)], rtol=1e-6)
