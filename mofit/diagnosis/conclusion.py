@@ -28,8 +28,9 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.models.effect import CALIBRATION_ERROR
 
-#: A tenth of a gap, and of what is left of it.
-_PART = 0.1
+#: Share of the gap above which a law leaves much, and share of that below which a term leaves hardly anything: an order
+#: of magnitude each, as laws of about the right shape leave some per cent.
+_MUCH = 0.1
 #: Standard deviations to the ends of a 90 % interval.
 _Z90 = 1.645
 #: Families whose law has no shape, only a coefficient or none: no term refines it.
@@ -115,7 +116,7 @@ class Conclusion:
         if not self.indistinguishable:
             return False
         without = all(one.families <= WITHOUT_SHAPE for one in self.indistinguishable)
-        return self.in_doubt or without or left / _PART < self.residual_share > _PART
+        return self.in_doubt or without or left / _MUCH < self.residual_share > _MUCH
 
 
 def doubtful_effects(sets: Sequence[Sequence[str]]) -> set[str]:

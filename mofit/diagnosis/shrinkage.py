@@ -123,7 +123,7 @@ class Share:
         return tuple(one for one in self.hold_outs if one.gain < -limit)
 
     def foretelling(self, tests: Sequence[Evidence], seed: int) -> Share:
-        """The same with the interval of another record like these; ``tests`` tell how records differ.
+        """The same with the interval of another record like these; ``tests`` tell how those differ.
 
         A record like those without which the fit runs away has nothing removed.
         """

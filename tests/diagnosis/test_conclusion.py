@@ -317,7 +317,7 @@ def test_what_has_no_shape_is_not_refined_by_a_term(sets, replaceable):
     [(0.15, 0.001, True), (0.15, 0.016, False), (0.08, 0.001, False), (0.08, 0.0, False)],
 )
 def test_a_law_that_leaves_much_is_another_one_where_a_term_leaves_hardly_anything(left, left_by_term, replaceable):
-    """A cubic for a stop leaves a sixth of the gap, for a hyperbolic sine some per cent."""
+    """As a cubic does for a stop; for a hyperbolic sine it leaves less, and a term refines it."""
     assert like(("friction",), left=left).replaceable_by(left_by_term) == replaceable
 
 
