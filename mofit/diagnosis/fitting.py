@@ -148,7 +148,12 @@ def project(fitted: Fitted) -> Projection:
 
 
 def fit(
-    model: Hypothesis, starts: FloatArray, limit: float = np.inf, beside: Fitted | None = None, least: float = 0.0
+    model: Hypothesis,
+    starts: FloatArray,
+    limit: float = np.inf,
+    beside: Fitted | None = None,
+    least: float = 0.0,
+    known: float = np.inf,
 ) -> Fitted:
     """Refine from starts (K, d).
 
@@ -160,6 +165,8 @@ def fit(
         A fit of another model to the same tests.
     least
         Share of its value that a fit with a limit must gain over some iterations.
+    known
+        Value that a fit with a limit must fall below to be of use.
 
     Raises
     ------
@@ -167,20 +174,26 @@ def fit(
         If no start can be simulated.
     """
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
-    near = _near_minimum(model, starts, settings, 0.5 * limit, beside, least) if len(starts) > 1 else None
+    near = _near_minimum(model, starts, settings, 0.5 * limit, beside, least, known) if len(starts) > 1 else None
     if near is None:
-        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit, least)
+        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit, least, known)
     else:
         given_up = near.value > 0.5 * limit and not near.converged
         settings = replace(settings, max_iterations=0) if given_up else settings
-        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit, least)
+        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit, least, known)
         best = replace(best, members=near.members)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
 def _near_minimum(
-    model: Hypothesis, starts: FloatArray, settings: RefineSettings, limit: float, beside: Fitted | None, least: float
+    model: Hypothesis,
+    starts: FloatArray,
+    settings: RefineSettings,
+    limit: float,
+    beside: Fitted | None,
+    least: float,
+    known: float,
 ) -> Minimum | None:
     """The best minimum where a few periods of every test count, with its value where all do.
 
@@ -191,7 +204,7 @@ def _near_minimum(
     if few is None:
         return None
     try:
-        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out, least)
+        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out, least, known - few.left_out)
     except InputError:
         return None
     if beside is not None:
@@ -258,9 +271,10 @@ def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
         if wider is None:
             break
         starts = beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides)
-        again = fit(wider, starts, limit, found)
-        lacking = found.minimum.value - 0.5 * limit
-        if found.minimum.value - again.minimum.value <= max(WORTH, HOPELESS * lacking):
+        here_value = found.minimum.value
+        known = here_value - max(WORTH, HOPELESS * (here_value - 0.5 * limit))
+        again = fit(wider, starts, limit, found, known=known)
+        if again.minimum.value >= known:
             break
         found = again
     return found

@@ -27,57 +27,58 @@ _LEAST, _KEPT = 1e-2, 5e-2
 
 
 def best_minimum(
-    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf, least: float = 0.0
+    evaluate: Evaluate,
+    starts: ArrayLike,
+    settings: RefineSettings,
+    limit: float = np.inf,
+    least: float = 0.0,
+    known: float = np.inf,
 ) -> Minimum:
     """The best minimum from starts (K, d) of the unit cube.
 
     ``limit`` is the value that counts: a start far above it ends where hardly anything changes, and one behind another
     where it cannot catch up with that one. A start alone is taken to be near its minimum. With a limit ``least`` is the
-    share of its value that a start must gain over some iterations.
+    share of its value that a start must gain over some iterations. What ends above a ``known`` value is of no use.
 
     Raises
     ------
     InputError
         If no start can be evaluated.
     """
-    return min(minima(evaluate, starts, settings, limit, least), key=lambda one: one.value)
+    return min(minima(evaluate, starts, settings, limit, least, known), key=lambda one: one.value)
 
 
 def minima(
-    evaluate: Evaluate, starts: ArrayLike, settings: RefineSettings, limit: float = np.inf, least: float = 0.0
+    evaluate: Evaluate,
+    starts: ArrayLike,
+    settings: RefineSettings,
+    limit: float = np.inf,
+    least: float = 0.0,
+    known: float = np.inf,
 ) -> Sequence[Minimum]:
     """All minima of `best_minimum`."""
     first = 0 if len(np.atleast_2d(starts)) == 1 else _FIRST
-    hopes = _Hopes(limit, first, least) if np.isfinite(limit) else None
+    hopes = _Hopes(limit, known, first, least) if np.isfinite(limit) else None
     return merge(refine(evaluate, starts, settings, go_on=hopes))
 
 
 class _Hopes:
     """Which starts may still come down to a limit, asked once per iteration."""
 
-    def __init__(self, limit: float, first: int, least: float) -> None:
-        self.limit, self.first, self.least, self.iterations = limit, first, least, 0
+    def __init__(self, limit: float, known: float, first: int, least: float) -> None:
+        self.limit, self.known, self.first, self.least, self.iterations = limit, known, first, least, 0
         self.before: deque[FloatArray] = deque(maxlen=_PACE)
 
-    def __call__(self, values: FloatArray, gradients: FloatArray, hessians: FloatArray) -> NDArray[np.bool_]:
-        on, promised = np.ones(len(values), dtype=bool), _promised(gradients, hessians)
+    def __call__(self, values: FloatArray, promised: FloatArray) -> NDArray[np.bool_]:
+        on = np.ones(len(values), dtype=bool)
         if self.iterations >= self.first:
             best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
             on &= promised > HOPELESS * (values - self.limit)
             on &= promised >= (_BEHIND if on[best] else _BEHIND_HOPELESS) * (values - values[best])
+            on &= promised >= _BEHIND * (values - self.known)
         if len(self.before) == _PACE:
             least = np.maximum(np.maximum(self.least * np.abs(values), _KEPT * promised), _LEAST)
             on &= self.before[0] - values > np.maximum(HOPELESS * (values - self.limit), least)
         self.before.append(values)
         self.iterations += 1
         return on
-
-
-def _promised(gradients: FloatArray, hessians: FloatArray) -> FloatArray:
-    """By how much a Newton step from every point lowers the value, (K,)."""
-    # scaled, and by a pseudo-inverse: beside derivatives of 1e30 a unit matrix makes none regular
-    sizes = np.sqrt(1 + np.diagonal(hessians, axis1=1, axis2=2))
-    scaled = (hessians + np.eye(gradients.shape[1])) / (sizes[:, :, None] * sizes[:, None, :])
-    slopes = gradients / sizes
-    steps = (np.linalg.pinv(scaled, hermitian=True) @ slopes[..., None])[..., 0]
-    return np.asarray(0.5 * np.sum(slopes * steps, axis=1))

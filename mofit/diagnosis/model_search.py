@@ -108,7 +108,7 @@ class _Search:
         lowest = self.best.criterion
         # far above the first the others need no exact fit
         for part in (list(fresh)[:1], list(fresh)[1:]):
-            limit = lowest + contender + self.doubt
+            limit = lowest + self.doubt
             for names, found in zip(part, refitted([fresh[names] for names in part], limit, progress), strict=True):
                 if isinstance(found, str):
                     failed[names] = found
@@ -123,7 +123,7 @@ class _Search:
             for names in contenders
             if (other := fresh[names][1].alternative) is not None
         }
-        again = refitted(list(others.values()), limit + self.doubt, progress)
+        again = refitted(list(others.values()), lowest + self.doubt, progress)
         for names, found in zip(others, again, strict=True):
             if not isinstance(found, str):  # else the effect is fitted all the same
                 better, worse = sorted((made[names], rated(found, len(self.candidates))), key=_order)
@@ -135,7 +135,7 @@ class _Search:
         known = {one.effects for one in self.models}
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
-        limit = self.best.criterion + self.settings.contender + self.doubt
+        limit = self.best.criterion + self.doubt
         return self._improved(refitted([(self.baseline, one) for one in farther], limit, progress))
 
     def elsewhere(self, progress: Progress) -> _Search:
@@ -147,7 +147,7 @@ class _Search:
         if len(self.best.effects) < 2:
             return self
         singles = [one for one in self.models if len(one.effects) == 1][: self.settings.most_refits]
-        limit = self.best.criterion + self.settings.contender + self.doubt
+        limit = self.best.criterion + self.doubt
         again = refitted_from([one.fitted for one in singles], self.best.fitted, limit, progress)
         return self._improved(again)
 

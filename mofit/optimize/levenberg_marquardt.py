@@ -20,9 +20,9 @@ Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points (N, d) of the unit cube to value (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
 EvaluateEach = Callable[[FloatArray, NDArray[np.int64]], tuple[FloatArray, FloatArray, FloatArray]]
 """The same where each start has a function of its own; the second argument (N,) names the start of each point."""
-GoOn = Callable[[FloatArray, FloatArray, FloatArray], NDArray[np.bool_]]
-"""Values (K,), gradients (K, d) and Hessians (K, d, d) after an iteration, of all starts: which are worth another one.
-The values of starts that cannot be evaluated are nan."""
+GoOn = Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
+"""Values (K,) after an iteration, and by how much a Newton step in the box lowers them by the derivatives (K,), of all
+starts: which are worth another one. The values of starts that cannot be evaluated are nan."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def _minimise(
 ) -> Refined:
     state = _begin(evaluate, np.clip(np.atleast_2d(np.asarray(starts, dtype=float)), 0.0, 1.0), settings)
     for _ in range(settings.max_iterations):
-        state = _given_up(_settle(state, settings), go_on)
+        state = _given_up(_settle(state, settings), settings, go_on)
         if not state.active.any() or time.monotonic() > settings.until:
             break
         state = _advance(evaluate, state, settings, judge)
@@ -186,15 +186,15 @@ def _evaluated_where(
     return values, gradients, hessians, usable
 
 
-def _predicted_decrease(state: _State, settings: RefineSettings) -> FloatArray:
-    """What an undamped step would gain, in nats, shape (K,)."""
+def _predicted_decrease(state: _State, settings: RefineSettings, reach: float) -> FloatArray:
+    """What an undamped step that moves no coordinate farther than ``reach`` would gain, in nats, shape (K,)."""
     least = np.full(len(state.points), settings.least_damping)
-    return box_step(state.points, state.gradients, state.hessians, least, settings.longest_step)[1]
+    return box_step(state.points, state.gradients, state.hessians, least, reach)[1]
 
 
 def _settle(state: _State, settings: RefineSettings) -> _State:
     """Deactivate the starts that have converged, stalled or merged."""
-    gain = _predicted_decrease(state, settings)
+    gain = _predicted_decrease(state, settings, settings.longest_step)
     flat = scaled_gradient(state.points, state.gradients, state.hessians) <= settings.gradient_tolerance
     there = state.active & flat & (gain <= settings.decrease_tolerance)
     stalled = state.active & ~there & (state.damping > settings.most_damping)
@@ -203,11 +203,11 @@ def _settle(state: _State, settings: RefineSettings) -> _State:
     return settled if settings.merge is None else _merged(settled, settings.merge)
 
 
-def _given_up(state: _State, go_on: GoOn | None) -> _State:
+def _given_up(state: _State, settings: RefineSettings, go_on: GoOn | None) -> _State:
     """Deactivate the starts that are not worth another iteration."""
     if go_on is None:
         return state
-    hopeless = state.active & ~go_on(state.values, state.gradients, state.hessians)
+    hopeless = state.active & ~go_on(state.values, _predicted_decrease(state, settings, reach=1.0))
     return replace(state, active=state.active & ~hopeless, given_up=state.given_up | hopeless)
 
 
