@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.few_periods import at_steps_for
-from mofit.diagnosis.fitting import Fitted, of_few_periods, project
+from mofit.diagnosis.fitting import Fitted, of_few_periods
 from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hold_out_evidence import evidence_of
 from mofit.diagnosis.hypothesis import Hypothesis, Linear
@@ -22,6 +22,7 @@ from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
 from mofit.diagnosis.predictive_density import deviance
+from mofit.diagnosis.projection import project
 from mofit.diagnosis.remainder import Evidence
 from mofit.diagnosis.removed_share import Squares, interval, joined
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage

@@ -56,7 +56,7 @@ def cut(observed: WhitenedData, simulator: Simulator) -> tuple[WhitenedData, Sim
     brief = [experiment.first(count) for experiment, count in zip(experiments, kept, strict=True)]
     if sum(one.samples for one in brief) > _WORTH * sum(one.samples for one in experiments):
         return None
-    return short, simulator.without_tables().with_experiments(brief)
+    return short, simulator.with_experiments(brief)
 
 
 def averaged(observed: WhitenedData) -> tuple[WhitenedData, float]:
@@ -113,6 +113,15 @@ def _repeating(whole: Whitening, rows: FloatArray) -> FloatArray:
     signal = np.zeros((whole.start + whole.count, 1))
     signal[whole.start :, 0] = whole.waveform(rows)
     return signal
+
+
+def in_whole_rows(short: WhitenedData, whole: WhitenedData, rows: FloatArray) -> FloatArray:
+    """Rows (..., rows) of averaged tests as those of whole ones, (..., m), of a model that repeats."""
+    parts = list[FloatArray]()
+    for i, ((*_, few), (*_, every)) in enumerate(zip(short.records, whole.records, strict=True)):
+        own = rows[..., short.record == i]
+        parts.append(few.repeated(every, own) if every.periods else own)
+    return np.concatenate(parts, axis=-1)
 
 
 def with_residual(short: WhitenedData, whole: WhitenedData, residual: FloatArray, present: FloatArray) -> WhitenedData:

@@ -1,7 +1,8 @@
-"""Fits of a hypothesis, and the projector onto what its parameters cannot explain."""
+"""Fits of a hypothesis."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.few_periods import FewPeriods, at_steps_for, few_periods, with_residual
+from mofit.diagnosis.few_periods import FewPeriods, at_steps_for, few_periods, in_whole_rows, with_residual
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum, minima
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -25,6 +26,8 @@ _REFINE = RefineSettings(max_iterations=200, gradient_tolerance=0.02, decrease_t
 _FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=100)
 #: Largest difference between the squares by a few periods and those by all of a model that repeats, relative to these.
 _SAME = 0.05
+#: Share of what the fit beside lacks of the limit: what by a few periods lacks more cannot reach it.
+_FAR = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,54 +102,6 @@ def covariance_root(design: FloatArray) -> FloatArray:
     return np.asarray(root * np.sign(np.diag(root)))
 
 
-@dataclass(frozen=True)
-class Projection:
-    r"""The projector :math:`M = I - J J^+` onto what the free parameters cannot explain.
-
-    Parameters at an active bound are dropped; below the rows of the tests stand those of the prior and of the box
-    (`Fitted.design`).
-
-    Parameters
-    ----------
-    basis, triangle
-        Q (rows, f) and R (f, f) of the QR decomposition of J.
-    residual
-        M r, (rows,).
-    free
-        Which parameters are free, (d,).
-    """
-
-    basis: FloatArray
-    residual: FloatArray
-    triangle: FloatArray
-    free: NDArray[np.bool_]
-
-    def apply(self, columns: FloatArray) -> FloatArray:
-        """M times columns (m, k) on the rows of the tests; shape (rows, k)."""
-        padded = np.zeros((len(self.basis), columns.shape[1]))
-        padded[: len(columns)] = columns
-        return padded - self.basis @ (self.basis[: len(columns)].T @ columns)
-
-    def absorbed(self, column: FloatArray) -> FloatArray:
-        """Shift of all parameters (d,), in unit coordinates, that compensates best for rows (m,) added to the data."""
-        shift = np.zeros(len(self.free))
-        shift[self.free] = np.linalg.solve(self.triangle, self.basis[: len(column)].T @ column)
-        return shift
-
-    @property
-    def leverage(self) -> FloatArray:
-        """Share of every row's noise that the parameters absorb, (rows,)."""
-        return np.asarray(np.sum(self.basis**2, axis=1))
-
-
-def project(fitted: Fitted) -> Projection:
-    """The projector of a fitted hypothesis, with its residual."""
-    basis, triangle = np.linalg.qr(fitted.design)
-    residual = np.zeros(len(basis))
-    residual[: len(fitted.residual)] = fitted.residual
-    return Projection(basis, residual - basis @ (basis.T @ residual), triangle, fitted.free)
-
-
 def fit(
     model: Hypothesis,
     starts: FloatArray,
@@ -174,45 +129,60 @@ def fit(
         If no start can be simulated.
     """
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
-    near = _near_minimum(model, starts, settings, 0.5 * limit, beside, least, known) if len(starts) > 1 else None
+    few, near = _few_periods(model, beside) if len(starts) > 1 else None, None
+    if few is not None and (found := _briefly(few, starts, settings, 0.5 * limit, least, known)):
+        if beside is not None and _is_far(found[0].value + few.left_out, 0.5 * limit, beside):
+            return _repeated(model, few, found[0], beside)
+        near = _near_minimum(model, few, found if beside is None else found[:1])
     if near is None:
         best = best_minimum(model.evaluate, starts, settings, 0.5 * limit, least, known)
     else:
-        given_up = near.value > 0.5 * limit and not near.converged
-        settings = replace(settings, max_iterations=0) if given_up else settings
+        if near.value > 0.5 * limit and not near.converged:  # it was given up
+            settings = replace(settings, max_iterations=0)
         best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit, least, known)
         best = replace(best, members=near.members)
     here = model.linear(best.point[None])
     return Fitted(model, best, here.residual[0], here.jacobian[0])
 
 
-def _near_minimum(
-    model: Hypothesis,
-    starts: FloatArray,
-    settings: RefineSettings,
-    limit: float,
-    beside: Fitted | None,
-    least: float,
-    known: float,
-) -> Minimum | None:
-    """The best minimum where a few periods of every test count, with its value where all do.
-
-    It is near that of all, at a fraction of the cost. None where that saves little, or where what is simulated does not
-    repeat. Without a fit beside, few periods may tell otherwise of some minima alone: all periods tell which is best.
-    """
-    few = _few_periods(model, beside)
-    if few is None:
-        return None
+def _briefly(
+    few: FewPeriods, starts: FloatArray, settings: RefineSettings, limit: float, least: float, known: float
+) -> Sequence[Minimum]:
+    """Minima where a few periods of every test count, the best first; none if no start can be simulated."""
     try:
         found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out, least, known - few.left_out)
     except InputError:
-        return None
-    if beside is not None:
-        found = [min(found, key=lambda one: one.value)]
+        return []
+    return sorted(found, key=lambda one: one.value)
+
+
+def _near_minimum(model: Hypothesis, few: FewPeriods, found: Sequence[Minimum]) -> Minimum | None:
+    """The best minimum of a few periods of every test, with its value where all count.
+
+    It is near that of all, at a fraction of the cost. None where what is simulated does not repeat. Without a fit
+    beside, few periods may tell otherwise of some minima alone: all periods tell which is best.
+    """
     values = model.evaluate(np.array([one.point for one in found]))[0]
     best = int(np.argmin(np.where(np.isfinite(values), values, np.inf)))
     whole, expected = float(values[best]), found[best].value + few.left_out
     return replace(found[best], value=whole) if abs(whole - expected) <= _SAME * whole else None
+
+
+def _is_far(value: float, limit: float, beside: Fitted) -> bool:
+    """Whether a value by a few periods is so far above the limit that all periods would not change that."""
+    return value - limit > max(_FAR * (beside.minimum.value - limit), 0.0)
+
+
+def _repeated(model: Hypothesis, few: FewPeriods, found: Minimum, beside: Fitted) -> Fitted:
+    """What a few periods tell of a minimum, for all periods: nothing more is simulated."""
+    short, here = few.hypothesis.observed, few.hypothesis.linear(found.point[None])
+    rows, kept = len(model.observed.measured), len(short.measured)
+    known = of_few_periods(beside).residual[:kept]
+    moved = np.column_stack([here.residual[0, :kept] - known, here.jacobian[0, :kept]]).T
+    change, *slopes = in_whole_rows(short, model.observed, moved)
+    residual = np.concatenate([beside.residual[:rows] + change, here.residual[0, kept:]])
+    jacobian = np.concatenate([np.transpose(slopes), here.jacobian[0, kept:]])
+    return Fitted(model, replace(found, value=0.5 * float(residual @ residual)), residual, jacobian)
 
 
 def _few_periods(model: Hypothesis, beside: Fitted | None) -> FewPeriods | None:
@@ -256,8 +226,11 @@ def _in_few_periods(fitted: Fitted) -> Fitted | None:
 
 def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:
     """The same model fitted to the tests with another noise, from where it is; the stages stay as they are."""
-    here = fitted.minimum.point[None]
-    return fit(at_steps_for(replace(fitted.hypothesis, observed=observed), here, fitted.hypothesis.steps), here)
+    here, old = fitted.minimum.point[None], fitted.hypothesis
+    model = replace(old, observed=observed)
+    if np.any(observed.variance < old.observed.variance):  # what was fine enough for less noise is for more
+        model = at_steps_for(model, here, old.steps)
+    return fit(model, here)
 
 
 def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
@@ -271,8 +244,8 @@ def in_wider_ranges(found: Fitted, limit: float) -> Fitted:
         if wider is None:
             break
         starts = beyond_ends(here.space, wider.space, here.space.from_unit(found.minimum.point), sides)
-        here_value = found.minimum.value
-        known = here_value - max(WORTH, HOPELESS * (here_value - 0.5 * limit))
+        value = found.minimum.value
+        known = value - max(WORTH, HOPELESS * (value - 0.5 * limit))
         again = fit(wider, starts, limit, found, known=known)
         if again.minimum.value >= known:
             break

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import f as fisher
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.fitting import Fitted, Projection, project
+from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.projection import Projection, project
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.diagnosis.whitened_data import WhitenedData
 

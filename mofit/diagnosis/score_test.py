@@ -14,8 +14,9 @@ from mofit._typing import FloatArray
 from mofit.data.signals import thin_svd
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.fitting import Fitted, Projection, project
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.integration import stable
+from mofit.diagnosis.projection import Projection, project
 from mofit.models import Effect
 
 #: Share of its length that must be left of a sensitivity beside the parameters'; with less, rounding decides.

@@ -13,8 +13,9 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
-from mofit.diagnosis.fitting import Fitted, Projection, of_few_periods, project
+from mofit.diagnosis.fitting import Fitted, of_few_periods
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
+from mofit.diagnosis.projection import Projection, project
 from mofit.diagnosis.smoothed_motion import fitted_readings
 from mofit.diagnosis.term_rows import Columns, columns_on, term_signals
 from mofit.diagnosis.term_selection import LEAST_LEFT

@@ -244,9 +244,8 @@ def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
             values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
             starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
             # no worse than without the terms
-            found = fit(
-                at_steps_for(model, starts[0][None]), np.array(starts), 2 * start.minimum.value, start, _CRAWLING
-            )
+            fine = at_steps_for(model, starts[0][None], start.hypothesis.steps)
+            found = fit(fine, np.array(starts), 2 * start.minimum.value, start, _CRAWLING)
         except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
             return None
         # a shape at the end of its range is another form

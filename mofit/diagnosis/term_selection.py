@@ -79,7 +79,8 @@ def selections(observed: WhitenedData, columns: Columns, least: float, most: int
     forms: dict[str, int] = {}
     for k in np.argsort(singles, kind="stable"):
         forms.setdefault(columns.terms[usable[k]].title, int(k))
-    found += [selection(_alone(every[0], k, total), float(singles[k])) for k in forms.values()]
+    beside_parameters = _Products(total, _shares(total, free))
+    found += [selection(_alone(total, beside_parameters, k), float(singles[k])) for k in forms.values()]
     return sorted(found, key=lambda one: one.error)
 
 
@@ -120,70 +121,98 @@ class _Chosen:
 
 @dataclass(frozen=True)
 class _Step(_Chosen):
-    """A step of forward selection.
-
-    The squares left of the held fold with one more column, (K,), and the elimination that leads to the next step:
-    every column and the residual beside the parameters and those chosen, ``turned`` (d + K + 1, K + 1), and their
-    products in training, ``left``, and on the held fold, ``still``.
-    """
+    """A step of forward selection: also the squares left of the held fold with one more column, (K,)."""
 
     singles: FloatArray
-    turned: FloatArray
-    left: FloatArray
-    still: FloatArray
+
+
+class _Products:
+    """Products of columns, each less its share of the parameters' columns and of those chosen: what is asked for alone.
+
+    ``own`` (d, K + 1) are the shares of the parameters' columns, ``products`` (d + K + 1, d + K + 1) all products. Of
+    all pairs of columns few are needed: every column with itself and with the last one, and the chosen ones' rows.
+    """
+
+    def __init__(self, products: FloatArray, own: FloatArray) -> None:
+        d = len(own)
+        self._inner, self._mixed, self.own = products[d:, d:], products[d:, :d], own
+        self._turned = products[:d, :d] @ own
+        #: Columns taken out of all others, their products with all, and the shares of them.
+        self.eliminated = list[tuple[int, FloatArray, FloatArray]]()
+        mixed = np.einsum("ai,ia->a", self._mixed, own)
+        self.power = np.diag(self._inner) + 2 * mixed + np.sum(own * self._turned, axis=0)
+        self.last = self._first_row(-1)
+
+    def _first_row(self, k: int) -> FloatArray:
+        one = self.own[:, k]
+        return self._inner[k] + self._mixed @ one + self._mixed[k] @ self.own + one @ self._turned
+
+    def row(self, k: int) -> FloatArray:
+        """Products of column k with all, (K + 1,)."""
+        found = self._first_row(k)
+        for j, known, share in self.eliminated:
+            found = found - found[j] * share - share[k] * known + known[j] * share[k] * share
+        return found
+
+    def without(self, k: int, share: FloatArray) -> None:
+        """From now on every column less its share of column k."""
+        row = self.row(k)
+        self.power = self.power - 2 * row * share + row[k] * share**2
+        self.last = self.last - row * share[-1] - share * row[-1] + row[k] * share * share[-1]
+        self.eliminated.append((k, row, share))
 
 
 def _path(train: FloatArray, held: FloatArray, free: int, most: int) -> list[_Step]:
     """Forward selection on products ``train`` of d parameters, K terms and the residual, tested on those ``held``."""
-    steps = [_beside_parameters(train, held, free)]
+    own = _shares(train, free)
+    left, still = _Products(train, own), _Products(held, own)
+    chosen, turned = list[tuple[int, FloatArray]](), _turned(own, -1)
+    steps = [_step((), turned, left, still)]
     length = np.diag(train)[free:-1]
     for _ in range(min(most, len(length))):
-        last = steps[-1]
-        power = np.diag(last.left)[:-1]
+        power = left.power[:-1]
         fresh = power > LEAST_LEFT**2 * length
-        fresh[list(last.chosen)] = False
-        gain = np.where(fresh, last.left[:-1, -1] ** 2 / np.where(fresh, power, 1.0), 0.0)
+        fresh[[k for k, _ in chosen]] = False
+        gain = np.where(fresh, left.last[:-1] ** 2 / np.where(fresh, power, 1.0), 0.0)
         if not np.any(gain > 0):
             break
-        steps.append(_added(last, int(np.argmax(gain))))
+        k = int(np.argmax(gain))
+        share = left.row(k) / left.power[k]
+        share[k] = 0.0
+        column = _turned(own, k)
+        for (_, before), (_, _, old) in zip(chosen, left.eliminated, strict=True):
+            column = column - old[k] * before
+        turned = turned - share[-1] * column
+        left.without(k, share)
+        still.without(k, share)
+        chosen.append((k, column))
+        steps.append(_step(tuple(one for one, _ in chosen), turned, left, still))
     return [*steps, *[steps[-1]] * (most + 1 - len(steps))]
 
 
-def _beside_parameters(train: FloatArray, held: FloatArray, free: int) -> _Step:
-    """The first step; the last column is the residual."""
-    own = -np.linalg.pinv(train[:free, :free], rcond=1e-12, hermitian=True) @ train[:free, free:]
-    turned = np.concatenate([own, np.eye(len(train) - free)])
-    left = train[free:, free:] + train[free:, :free] @ own
-    mixed = held[free:, :free] @ own
-    return _step((), turned, left, held[free:, free:] + mixed + mixed.T + own.T @ held[:free, :free] @ own)
+def _shares(products: FloatArray, free: int) -> FloatArray:
+    """Minus the least-squares coefficients of the d parameters for every other column, (d, K + 1)."""
+    return np.asarray(-np.linalg.pinv(products[:free, :free], rcond=1e-12, hermitian=True) @ products[:free, free:])
 
 
-def _added(step: _Step, k: int) -> _Step:
-    """The step after one more column: all others beside it."""
-    share = step.left[k] / step.left[k, k]
-    share[k] = 0.0
-    chosen = (*step.chosen, k)
-    left, still = (_eliminated(products, k, share) for products in (step.left, step.still))
-    return _step(chosen, step.turned - np.outer(step.turned[:, k], share), left, still)
+def _turned(own: FloatArray, k: int) -> FloatArray:
+    """A column less its share of the parameters' columns, as coefficients of all columns, (d + K + 1,)."""
+    unit = np.zeros(own.shape[1])
+    unit[k] = 1.0
+    return np.concatenate([own[:, k], unit])
 
 
-def _eliminated(products: FloatArray, k: int, share: FloatArray) -> FloatArray:
-    """Products of columns less their shares of column k."""
-    mixed = np.outer(products[:, k], share)
-    return products - mixed - mixed.T + products[k, k] * np.outer(share, share)
+def _alone(train: FloatArray, left: _Products, k: int) -> _Chosen:
+    """One column beside the parameters, and the squares that it leaves in training; ``left`` is of no step."""
+    last = _turned(left.own, -1) - _turned(left.own, k) * left.last[k] / left.power[k]
+    return _Chosen((k,), -last[:-1], float(last @ train @ last))
 
 
-def _alone(first: _Step, k: int, held: FloatArray) -> _Chosen:
-    """One column beside the parameters: as the step after it, but without what leads on."""
-    last = first.turned[:, -1] - first.turned[:, k] * first.left[k, -1] / first.left[k, k]
-    return _Chosen((k,), -last[:-1], float(last @ held @ last))
-
-
-def _step(chosen: tuple[int, ...], turned: FloatArray, left: FloatArray, still: FloatArray) -> _Step:
-    power = np.diag(left)[:-1]
-    size = np.where(power > 0, left[:-1, -1] / np.where(power > 0, power, 1.0), 0.0)
-    singles = still[-1, -1] - 2 * size * still[:-1, -1] + size**2 * np.diag(still)[:-1]
-    return _Step(chosen, -turned[:-1, -1], float(still[-1, -1]), singles, turned, left, still)
+def _step(chosen: tuple[int, ...], turned: FloatArray, left: _Products, still: _Products) -> _Step:
+    power = left.power[:-1]
+    size = np.where(power > 0, left.last[:-1] / np.where(power > 0, power, 1.0), 0.0)
+    singles = still.last[-1] - 2 * size * still.last[:-1] + size**2 * still.power[:-1]
+    return _Step(chosen, -turned[:-1], float(still.last[-1]), singles)
 
 
 def fold_products(observed: WhitenedData, columns: FloatArray) -> tuple[FloatArray, FloatArray]:

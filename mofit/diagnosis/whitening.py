@@ -156,6 +156,16 @@ class Whitening:
         place = np.where(known, place, -1)
         return np.where(whole._rows[place] == line + imaginary * length, place, -1)
 
+    def repeated(self, whole: Whitening, rows: FloatArray) -> FloatArray:
+        """Rows (..., rows) of a few periods as those (..., m) of all, of a signal that repeats."""
+        harmonics = self.white_lines(rows)[..., :: self.periods]
+        number = min(harmonics.shape[-1], len(whole.frequencies[:: whole.periods]))
+        later = (self.start - whole.start) * self.step / self.period
+        lines = np.zeros((*rows.shape[:-1], len(whole.frequencies)), dtype=complex)
+        turned = harmonics[..., :number] * np.exp(-2j * np.pi * later * np.arange(number))
+        lines[..., : number * whole.periods : whole.periods] = turned
+        return np.concatenate([lines.real, lines.imag], axis=-1)[..., whole._rows]
+
     def waveform(self, rows: FloatArray) -> FloatArray:
         """What repeats of a signal, from its rows (rows,), as the used samples (n,)."""
         time = self.step * np.arange(self.count, dtype=np.float64)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2, norm
 
 from mofit.diagnosis.candidates import choose_effects, prepare
-from mofit.diagnosis.fitting import project
+from mofit.diagnosis.projection import project
 from mofit.diagnosis.refit import refit
 from mofit.diagnosis.score_test import holm, score_tests, supremum_p_value
 from mofit.models import find_effect, find_model

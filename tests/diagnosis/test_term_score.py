@@ -11,9 +11,10 @@ from mofit.data import Campaign, Experiment, Measurement
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.fitting import Fitted, project
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.left_residual import ResidualTest
+from mofit.diagnosis.projection import project
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.term_score import TermScore, best_term
 from mofit.diagnosis.terms import proposed

@@ -216,8 +216,9 @@ def test_a_start_that_is_given_up_ends_where_it_is_and_the_others_go_on():
     rosenbrock = next(one for one in PROBLEMS if one.name == "rosenbrock")
     starts, asked = np.array([[0.1, 0.9], [0.6, 0.6]]), []
 
-    def go_on(values, gradients, hessians):
+    def go_on(values, promised):
         asked.append(values)
+        assert np.all(promised[np.isfinite(values)] >= 0)
         return values < np.max(asked[0])
 
     found = refine(rosenbrock.evaluate, starts, go_on=go_on)
