@@ -19,8 +19,9 @@ from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import HALF, Shrinkage
-from mofit.diagnosis.term_search import Trial, estimated, in_all_periods, searched, simplest
+from mofit.diagnosis.term_search import each_searched, in_all_periods, simplest
 from mofit.diagnosis.term_selection import noise_of_folds, prediction_errors
+from mofit.diagnosis.term_trial import Trial, estimated
 from mofit.diagnosis.terms import TermEffect
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.models import TARGET_UNIT
@@ -133,15 +134,14 @@ def propose(
     alone = baseline.hypothesis.observed.without_stages()
     noisy = with_discrepancy(alone, rules.resolution * residual_map(baseline).relative, everywhere=True)
     starts = [fit_to(noisy, one) for one in (baseline, main) if one is not None]
-    nothing, trials = prediction_errors(starts[0]), list[Trial]()
+    nothing = prediction_errors(starts[0])
     noise = np.minimum(noise_of_folds(noisy), nothing)  # of a short record it may be overestimated
     tests = len(noisy.problem.tests)
     least = rules.residual_share * float((nothing - noise).sum())
     if not least > 0:
         return "it is not larger than the noise of the records"
-    for start in starts:
-        progress("proposed term", len(trials), len(starts), " + ".join(one.name for one in start.hypothesis.effects))
-        trials.append(searched(of_few_periods(start), least))
+    progress("proposed term", 0, 1, " + ".join(one.name for one in starts[-1].hypothesis.effects))
+    trials = each_searched([of_few_periods(start) for start in starts], least)
     best = simplest(trials, least)
     best = in_all_periods(starts[trials.index(best)], best)
     if best.effect is None:

@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mofit._typing import FloatArray
 from mofit.diagnosis.beside import processes
-from mofit.diagnosis.discrepancy import Discrepancy
-from mofit.diagnosis.few_periods import at_steps_for
-from mofit.diagnosis.fitting import Fitted, fit
-from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
-from mofit.diagnosis.refit import is_reliable
 from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
 from mofit.diagnosis.term_rows import Reading, term_columns, term_functions
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
-from mofit.diagnosis.terms import Term, TermEffect, hysteresis_terms, memory_terms, proposed, static_terms
-from mofit.errors import InputError
-from mofit.optimize import Minimum
+from mofit.diagnosis.term_trial import Joint, SentTrial, Trial, fitted_jointly
+from mofit.diagnosis.terms import Term, hysteresis_terms, memory_terms, static_terms
 from mofit.runtime.parallel import forked_map
 
 #: Most sets of terms on a quantity that are fitted jointly in a round: those that predict best, and those that fit
@@ -34,38 +27,20 @@ _NUMBERS = 3e6
 _ROUNDS = 8
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
-#: Share of its value that a joint fit must gain over some iterations: a fraction of that half a per cent.
-_CRAWLING = 1e-3
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """Terms fitted jointly with the parameters, and the squares left of every fold that was left out."""
+def each_searched(starts: Sequence[Fitted], least: float) -> list[Trial]:
+    """`searched` from every start, side by side where each keeps a process busy."""
 
-    fitted: Fitted
-    effect: TermEffect | None
-    errors: FloatArray
+    def sent(start: Fitted) -> SentTrial | None:
+        best = searched(start, least)
+        return None if best.effect is None else SentTrial.of(best)
 
-    @property
-    def terms(self) -> int:
-        """Number of its terms."""
-        return len(self.effect.terms) if self.effect else 0
-
-    @property
-    def placed(self) -> list[tuple[Term, float]]:
-        """Its terms with their estimates."""
-        placed = estimated(self.effect, self.fitted).terms if self.effect else ()
-        return [(one.term, one.value) for one in placed]
-
-    @property
-    def parts(self) -> int:
-        """Number of its effects and terms."""
-        return self.terms + sum(one is not self.effect for one in self.fitted.hypothesis.effects)
-
-    @property
-    def error(self) -> float:
-        """Squares left of all folds."""
-        return float(self.errors.sum())
+    count = processes(starts[0].hypothesis.observed)
+    if not 1 < count <= len(starts):
+        return [searched(start, least) for start in starts]
+    pairs = zip(starts, forked_map(sent, starts, count), strict=True)
+    return [one.beside(start) if one else Trial(start, None, prediction_errors(start)) for start, one in pairs]
 
 
 def searched(start: Fitted, least: float) -> Trial:
@@ -110,7 +85,7 @@ def _tried(
     # of equals the first counts: the first quantity, and the shortest text
     order = [one.target for one in readings]
     promising.sort(key=lambda one: (order.index(one.target), sum(term.form.length for term in one.terms)))
-    return _fitted(start, [_Joint.of(one, best.fitted.minimum.point, present) for one in promising])
+    return fitted_jointly(start, [Joint.of(one, best.fitted.minimum.point, present) for one in promising])
 
 
 def _selected(
@@ -144,7 +119,7 @@ def _likely(
     singles: dict[str, Selection] = {}
     for one in sorted((one for own in selected for one in own), key=lambda one: one.error):
         singles.setdefault(one.target.name, one)
-    trials = _fitted(start, [_Joint.of(one, start.minimum.point) for one in singles.values()])
+    trials = fitted_jointly(start, [Joint.of(one, start.minimum.point) for one in singles.values()])
     best = [one.effect.target.name for one in sorted(trials, key=lambda one: one.error) if one.effect]
     kept = list(dict.fromkeys([*best, *singles]))[:_QUANTITIES]
     return [one for one in targets if one.name in kept], trials
@@ -154,8 +129,8 @@ def _pruned(start: Fitted, best: Trial, least: float) -> Trial:
     """Without the terms that it does not need."""
     while best.effect is not None and best.terms > 1:
         every, here = best.placed, (best.fitted.minimum.point,)
-        fewer = [_Joint(best.effect.target, (*every[:k], *every[k + 1 :]), here) for k in range(len(every))]
-        chosen = simplest([best, *_fitted(start, fewer)], least)
+        fewer = [Joint(best.effect.target, (*every[:k], *every[k + 1 :]), here) for k in range(len(every))]
+        chosen = simplest([best, *fitted_jointly(start, fewer)], least)
         if chosen is best:
             break
         best = chosen
@@ -167,7 +142,7 @@ def in_all_periods(start: Fitted, best: Trial) -> Trial:
     if best.effect is None or best.fitted.hypothesis.observed is start.hypothesis.observed:
         return best
     here = best.fitted.minimum.point[: len(start.minimum.point)]
-    again = _fitted(start, [_Joint(best.effect.target, tuple(best.placed), (here,))])
+    again = fitted_jointly(start, [Joint(best.effect.target, tuple(best.placed), (here,))])
     return again[0] if again else Trial(start, None, prediction_errors(start))
 
 
@@ -207,76 +182,3 @@ def _promising(found: Sequence[Sequence[Selection]]) -> list[Selection]:
         fitting = sorted((one for one in own if one not in predicting), key=lambda one: one.left)
         few += predicting + fitting[:_FITTING]
     return sorted(few, key=lambda one: one.error)[:_MOST_FITS]
-
-
-@dataclass(frozen=True)
-class _Joint:
-    """Terms on a quantity with their coefficients, and points to fit them from jointly with all parameters."""
-
-    target: Target
-    terms: tuple[tuple[Term, float], ...]
-    points: tuple[FloatArray, ...]
-
-    @classmethod
-    def of(cls, selection: Selection, here: FloatArray, present: Sequence[tuple[Term, float]] = ()) -> _Joint:
-        """What was selected at some parameters, beside terms that are present: from there, and from where it shifts."""
-        moved = here.copy()
-        moved[selection.free] += selection.shift
-        terms = (*present, *zip(selection.terms, selection.sizes, strict=True))
-        return cls(selection.target, terms, (moved, here))
-
-    def beside(self, start: Fitted) -> tuple[TermEffect, Hypothesis]:
-        """The terms as an effect, and the model with it."""
-        old = start.hypothesis
-        taken = {*old.layout.names, *(one.name for one in old.effects)}
-        effect = proposed(self.target, [term for term, _ in self.terms], [size for _, size in self.terms], taken)
-        own = _discrepancy(effect, len(old.observed.problem.space))
-        return effect, hypothesis(old.observed, (*old.discrepancies, own))
-
-
-def _fitted(start: Fitted, wanted: Sequence[_Joint]) -> list[Trial]:
-    """Joint fits, several at a time; without those that fail."""
-
-    def sent(one: _Joint) -> tuple[int, Minimum, FloatArray, FloatArray, FloatArray] | None:
-        try:
-            effect, model = one.beside(start)
-            fresh = model.space.subset([p.name for p in effect.parameters])
-            values, count = fresh.to_unit([p.nominal for p in effect.parameters]), len(start.minimum.point)
-            starts = [np.concatenate([np.clip(point[:count], 0.0, 1.0), values]) for point in one.points]
-            # no worse than without the terms
-            fine = at_steps_for(model, starts[0][None], start.hypothesis.steps)
-            found = fit(fine, np.array(starts), 2 * start.minimum.value, start, _CRAWLING)
-        except InputError:  # also where a quantity would depend on itself, by an effect on what the term reads
-            return None
-        # a shape at the end of its range is another form
-        shapes = [found.hypothesis.space.index(placed.shape) for placed in effect.terms if placed.shape]
-        if np.any(found.minimum.at_bound[shapes]) or not is_reliable(found):
-            return None
-        errors = prediction_errors(found)
-        if not np.isfinite(errors.sum()):
-            return None
-        return found.hypothesis.steps, found.minimum, found.residual, found.jacobian, errors
-
-    trials = []
-    for one, found in zip(wanted, forked_map(sent, wanted, processes(start.hypothesis.observed)), strict=True):
-        if found is not None:
-            effect, model = one.beside(start)
-            steps, minimum, residual, jacobian, errors = found
-            trials.append(Trial(Fitted(model.with_steps(steps), minimum, residual, jacobian), effect, errors))
-    return trials
-
-
-def _discrepancy(effect: TermEffect, free: int) -> Discrepancy:
-    point = {p.name: p.nominal for p in effect.parameters if p.neutral is None}
-    count = len(effect.size)
-    return Discrepancy(effect, point, np.zeros(count), np.zeros(free), np.zeros((free, count)))
-
-
-def estimated(effect: TermEffect, fitted: Fitted) -> TermEffect:
-    """The effect with the estimates as its terms' coefficients and shapes."""
-    values = fitted.values
-    terms = [
-        replace(one, value=values[one.size], term=replace(one.term, point=values.get(one.shape)))
-        for one in effect.terms
-    ]
-    return TermEffect(effect.name, effect.target, terms)
