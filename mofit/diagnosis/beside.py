@@ -9,7 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import repeat
 from typing import Any
+
+import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate, prepare
@@ -78,17 +81,28 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
     ]
 
 
-def refitted(extended: Sequence[tuple[Fitted, ScoreTest]], limit: float, progress: Progress) -> list[Fitted | str]:
-    """The refit of every fitted model with an effect added, or why there is none; see `mofit.diagnosis.refit.refit`."""
+def refitted(
+    extended: Sequence[tuple[Fitted, ScoreTest]], limit: float, progress: Progress, known: Sequence[float] = ()
+) -> list[Fitted | str]:
+    """The refit of every fitted model with an effect added, or why there is none; see `mofit.diagnosis.refit.refit`.
+
+    ``known`` is a value for each of them.
+    """
     wanted = [
-        _Wanted((*base.hypothesis.effects, one.effect), partial(refit, base, one, limit)) for base, one in extended
+        _Wanted((*base.hypothesis.effects, one.effect), partial(refit, base, one, limit, value))
+        for (base, one), value in zip(extended, known or repeat(np.inf), strict=False)
     ]
     return _fits(extended[0][0].hypothesis.observed, wanted, progress) if extended else []
 
 
-def refitted_from(models: Sequence[Fitted], other: Fitted, limit: float, progress: Progress) -> list[Fitted | str]:
+def refitted_from(
+    models: Sequence[Fitted], other: Fitted, limit: float, progress: Progress, known: Sequence[float]
+) -> list[Fitted | str]:
     """The models fitted again from where another one ended, or why not; see `mofit.diagnosis.refit.refit_from`."""
-    wanted = [_Wanted(one.hypothesis.effects, partial(refit_from, one, other, limit)) for one in models]
+    wanted = [
+        _Wanted(one.hypothesis.effects, partial(refit_from, one, other, limit, value))
+        for one, value in zip(models, known, strict=True)
+    ]
     return _fits(other.hypothesis.observed, wanted, progress)
 
 

@@ -102,7 +102,6 @@ class _Search:
     def extended(self, wanted: Iterable[_Extension], progress: Progress) -> _Search:
         """With refits of models with an effect added each, the most promising one first."""
         fresh = {names: one for one in wanted if not self.tried(names := _names(one))}
-        contender = self.settings.contender
         made: dict[tuple[str, ...], CandidateModel] = {}
         failed = dict(self.failed)
         lowest = self.best.criterion
@@ -115,7 +114,7 @@ class _Search:
                 else:
                     made[names] = rated(found, len(self.candidates))
             lowest = min([lowest, *(one.criterion for one in made.values())])
-        limit = lowest + contender
+        limit = lowest + self.settings.contender
         contenders = [names for names, one in made.items() if one.criterion < limit]
         # close to the best it matters whether the effect was present in the calibration tests
         others = {
@@ -132,11 +131,11 @@ class _Search:
 
     def beyond(self, scores: Sequence[ScoreTest], progress: Progress) -> _Search:
         """With refits of the promising effects from sizes beyond those expected, where these end lower."""
-        known = {one.effects for one in self.models}
+        known = {one.effects: _worth(one) for one in self.models}
         kept, _ = promising(scores, self.settings.promising, self.settings.most_refits)
         farther = [one.farther(_BEYOND) for one in kept if (one.name,) in known]
-        limit = self.best.criterion + self.doubt
-        return self._improved(refitted([(self.baseline, one) for one in farther], limit, progress))
+        limit, values = self.best.criterion + self.doubt, [known[one.name,] for one in farther]
+        return self._improved(refitted([(self.baseline, one) for one in farther], limit, progress, values))
 
     def elsewhere(self, progress: Progress) -> _Search:
         """With single effects fitted again from where a best model of several ended, where these end lower.
@@ -148,7 +147,8 @@ class _Search:
             return self
         singles = [one for one in self.models if len(one.effects) == 1][: self.settings.most_refits]
         limit = self.best.criterion + self.doubt
-        again = refitted_from([one.fitted for one in singles], self.best.fitted, limit, progress)
+        values = [_worth(one) for one in singles]
+        again = refitted_from([one.fitted for one in singles], self.best.fitted, limit, progress, values)
         return self._improved(again)
 
     def _improved(self, again: Iterable[Fitted | str]) -> _Search:
@@ -183,6 +183,11 @@ class _Search:
                     wanted += [(base, one) for base in bases for one in state.score_tests_at(base) if one.name == last]
             state = state.extended(wanted, progress)
         return state
+
+
+def _worth(known: CandidateModel) -> float:
+    """The value that another minimum of the same model must fall below to count."""
+    return known.fitted.minimum.value - 0.5 * WORTH
 
 
 def _names(extension: _Extension) -> tuple[str, ...]:

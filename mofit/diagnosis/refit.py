@@ -36,7 +36,7 @@ class NotFittedError(MofitError):
     """A candidate model could not be fitted; the message says why."""
 
 
-def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
+def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf, known: float = np.inf) -> Fitted:
     """The hypothesis with one more effect, fitted from where the score test expects the minimum and from elsewhere.
 
     Starts: the fitted parameters, without and with their expected shift, at the expected size of the best points of the
@@ -54,6 +54,8 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     limit
         Sum of squares that the model must come down to; one that cannot is left as it was found first: coarsely
         fitted and integrated, and the stages as they were.
+    known
+        Value of the minimum that the model must fall below to be of use; one that does not is left in the same way.
 
     Raises
     ------
@@ -71,7 +73,10 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
     steps, ends = least, list[Fitted]()
     while True:
         try:
-            found = _ended(_fitted(new, starts, limit, fitted), limit)
+            found = _fitted(new, starts, limit, fitted, known)
+            if found.minimum.value >= known:
+                return found.without_tables()
+            found = _ended(found, limit)
             if is_reliable(found):
                 return found.without_tables()
             ends, why = [found], "its fit ends where the integration diverges"
@@ -85,10 +90,10 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf) -> Fitted:
         starts = [(max(own, steps), one) for own, one in [*starts, *((steps, one) for one in more)]]
 
 
-def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
+def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf, known: float = np.inf) -> Fitted:
     """The hypothesis fitted again from the model's parameters of another one, its effects from where they are in both.
 
-    ``limit`` is that of `refit`.
+    ``limit`` and ``known`` are those of `refit`.
 
     Raises
     ------
@@ -101,7 +106,9 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
         values = fitted.values | {name: value for name, value in other.values.items() if name in shared}
         starts.append(np.clip(model.space.to_unit([values[name] for name in names]), 0.0, 1.0))
     try:
-        again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit, fitted)
+        again = fit(at_steps_for(model, starts[0][None], model.steps), np.array(starts), limit, fitted, known=known)
+        if again.minimum.value >= known:
+            return again.without_tables()
         found = _ended(again, limit)
     except InputError as error:
         raise NotFittedError("no start can be simulated") from error
@@ -110,7 +117,9 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf) -> Fitted:
     return found.without_tables()
 
 
-def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float, beside: Fitted) -> Fitted:
+def _fitted(
+    new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float, beside: Fitted, known: float
+) -> Fitted:
     """The best fit from starts, each with as many integration steps as it needs.
 
     Raises
@@ -122,7 +131,7 @@ def _fitted(new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: fl
     for steps in sorted({own for own, _ in starts}):
         try:
             own = np.array([start for needed, start in starts if needed == steps])
-            found.append(fit(new.with_steps(steps), own, limit, beside))
+            found.append(fit(new.with_steps(steps), own, limit, beside, known=known))
         except InputError as error:
             failure = error
     if not found:
