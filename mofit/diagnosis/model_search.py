@@ -114,8 +114,7 @@ class _Search:
                 else:
                     made[names] = rated(found, len(self.candidates))
             lowest = min([lowest, *(one.criterion for one in made.values())])
-        limit = lowest + self.settings.contender
-        contenders = [names for names, one in made.items() if one.criterion < limit]
+        contenders = [names for names, one in made.items() if one.criterion < lowest + self.settings.contender]
         # close to the best it matters whether the effect was present in the calibration tests
         others = {
             names: (fresh[names][0], other)
