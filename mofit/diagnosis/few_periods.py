@@ -11,7 +11,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.spectral_classes import CLASS_INDEX
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.diagnosis.whitening import Whitening
+from mofit.diagnosis.whitening import ELSEWHERE, Whitening
 from mofit.simulation import Simulator
 
 #: Share of the samples that must be left out for this to pay.
@@ -113,6 +113,15 @@ def _repeating(whole: Whitening, rows: FloatArray) -> FloatArray:
     signal = np.zeros((whole.start + whole.count, 1))
     signal[whole.start :, 0] = whole.waveform(rows)
     return signal
+
+
+def repeats(observed: WhitenedData, rows: FloatArray) -> bool:
+    """Whether rows (m, k) of a signal have hardly any power beside the harmonics of the tests that repeat."""
+    parts = [
+        ~w.harmonic[w.line_of_row] if w.periods else np.zeros(len(w.line_of_row), bool) for *_, w in observed.records
+    ]
+    power = np.sum(rows**2, axis=1)
+    return bool(power[np.concatenate(parts)].sum() <= ELSEWHERE * power.sum())
 
 
 def in_whole_rows(short: WhitenedData, whole: WhitenedData, rows: FloatArray) -> FloatArray:

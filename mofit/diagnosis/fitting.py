@@ -109,6 +109,7 @@ def fit(
     beside: Fitted | None = None,
     least: float = 0.0,
     known: float = np.inf,
+    repeats: bool = False,
 ) -> Fitted:
     """Refine from starts (K, d).
 
@@ -122,6 +123,9 @@ def fit(
         Share of its value that a fit with a limit must gain over some iterations.
     known
         Value that a fit with a limit must fall below to be of use.
+    repeats
+        Whether what is simulated is known to repeat with the tests: then a few periods of each may show that the limit
+        is far, and all are not simulated.
 
     Raises
     ------
@@ -131,7 +135,7 @@ def fit(
     settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
     few, near = _few_periods(model, beside) if len(starts) > 1 else None, None
     if few is not None and (found := _briefly(few, starts, settings, 0.5 * limit, least, known)):
-        if beside is not None and _is_far(found[0].value + few.left_out, 0.5 * limit, beside):
+        if repeats and beside is not None and _is_far(found[0].value + few.left_out, 0.5 * limit, beside):
             return _repeated(model, few, found[0], beside)
         near = _near_minimum(model, few, found if beside is None else found[:1])
     if near is None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import effects_moving
-from mofit.diagnosis.few_periods import at_steps_for, few_periods
+from mofit.diagnosis.few_periods import at_steps_for, few_periods, repeats
 from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
 from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.integration import MOST_STEPS, stable
@@ -71,9 +71,11 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf, known: float 
         own = max(least, int(added.candidate.steps[place]))
         starts += [(own, one) for one in _expected(new, here, added, place)]
     steps, ends = least, list[Fitted]()
+    # a heat that builds up shows in all periods alone
+    alike = repeats(old.observed, added.candidate.sensitivities[added.best][: len(old.observed.measured)])
     while True:
         try:
-            found = _fitted(new, starts, limit, fitted, known)
+            found = _fitted(new, starts, limit, fitted, known, alike)
             if found.minimum.value >= known:
                 return found.without_tables()
             found = _ended(found, limit)
@@ -118,7 +120,12 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf, known: floa
 
 
 def _fitted(
-    new: Hypothesis, starts: Sequence[tuple[int, FloatArray]], limit: float, beside: Fitted, known: float
+    new: Hypothesis,
+    starts: Sequence[tuple[int, FloatArray]],
+    limit: float,
+    beside: Fitted,
+    known: float,
+    alike: bool,
 ) -> Fitted:
     """The best fit from starts, each with as many integration steps as it needs.
 
@@ -131,7 +138,7 @@ def _fitted(
     for steps in sorted({own for own, _ in starts}):
         try:
             own = np.array([start for needed, start in starts if needed == steps])
-            found.append(fit(new.with_steps(steps), own, limit, beside, known=known))
+            found.append(fit(new.with_steps(steps), own, limit, beside, known=known, repeats=alike))
         except InputError as error:
             failure = error
     if not found:

@@ -20,7 +20,7 @@ _MISSED = 1e-3
 #: Share of a record at the end of which a few periods of it may lie: a model settles later than the rig may have.
 _SETTLING = 0.125
 #: Share of the power of a signal that repeats which may lie beside its harmonics: noise of an input.
-_ELSEWHERE = 0.01
+ELSEWHERE = 0.01
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class Whitening:
             return True
         power = np.abs(fft.rfft(signals[self.start : self.start + self.count], axis=0)) ** 2
         power[0] = 0.0
-        return bool(np.all(power[~self.harmonic].sum(axis=0) <= _ELSEWHERE * power.sum(axis=0)))
+        return bool(np.all(power[~self.harmonic].sum(axis=0) <= ELSEWHERE * power.sum(axis=0)))
 
     def white_lines(self, rows: FloatArray) -> NDArray[np.complex128]:
         """Rows of signals (..., rows) as complex lines (..., n // 2 + 1)."""
