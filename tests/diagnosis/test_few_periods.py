@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mofit.data.signals import SignalAnalysis
-from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods
+from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods, repeats
 from mofit.diagnosis.fitting import fit, of_few_periods
 from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
@@ -54,6 +54,8 @@ def test_rows_of_what_repeats_are_those_of_a_few_periods(periods, samples, start
     lines, brief = whole.white_lines(all_rows)[:: whole.periods][:4], few.white_lines(own)[:: few.periods][:4]
     later = np.exp(2j * np.pi * np.arange(4) * (few.start - start) / samples)
     np.testing.assert_allclose(brief, lines * later, atol=1e-6 * size)
+    # up to rounding of periods to samples
+    np.testing.assert_allclose(few.repeated(whole, own), all_rows, atol=2e-3 * size)
 
 
 def test_rows_of_a_few_periods_are_found_among_those_of_all() -> None:
@@ -157,6 +159,34 @@ def test_the_minimum_is_that_of_all_periods(effect: str, values: tuple[float, ..
     assert found.minimum.value == pytest.approx(expected.value, abs=5e-3)
     sd = found.sd()
     assert np.all(np.abs(found.minimum.point - expected.point) <= 0.1 * sd + 1e-6)
+
+
+def test_what_is_far_from_the_limit_is_told_by_a_few_periods() -> None:
+    """The residual and its derivatives are about those of all periods, and none of these is simulated."""
+    fitted = damper_fit()
+    model, point = with_effect("quadratic_damping", 0.5)
+    model = model.at_steps_for(point[None])
+    starts = np.stack([point, np.clip(point + 0.05, 0, 1)])
+    found = fit(model, starts, 0.0, fitted, repeats=True)
+    here = model.linear(found.minimum.point[None])
+    assert not np.array_equal(found.residual, here.residual[0])
+    assert found.minimum.value == pytest.approx(0.5 * float(np.sum(here.residual**2)), rel=0.01)
+    change = here.jacobian[0] - found.jacobian
+    assert np.linalg.norm(change) < 0.05 * np.linalg.norm(here.jacobian)
+    # without knowing that it repeats, all periods are asked
+    np.testing.assert_array_equal(fit(model, starts, 0.0, fitted).jacobian, here.jacobian[0])
+
+
+def test_an_effect_that_builds_up_does_not_repeat() -> None:
+    """A stroke that repeats, alone and times the way so far."""
+    observed = damper_fit().hypothesis.observed
+    strokes = [experiment.inputs[experiment.lead :] for experiment in observed.problem.experiments]
+    steady, growing = (
+        observed.whitened([stroke[None, :, None] * size for stroke, size in zip(strokes, sizes, strict=True)])[0]
+        for sizes in ([1.0] * len(strokes), [np.linspace(0, 1, len(stroke))[:, None, None] for stroke in strokes])
+    )
+    assert repeats(observed, steady)
+    assert not repeats(observed, growing)
 
 
 class WarmDamping(Effect):

@@ -80,6 +80,18 @@ def test_a_start_that_cannot_catch_up_with_the_best_ends_early() -> None:
     assert both <= first + second / 2
 
 
+def test_a_start_that_leads_to_what_is_known_ends_early() -> None:
+    def evaluations(known: float) -> tuple[float, int]:
+        valley = Valley()
+        found = best_minimum(valley, np.array([[0.1, 0.9], [0.2, 0.8]]), RefineSettings(), FLOOR + 1000, known=known)
+        return found.value, valley.evaluations
+
+    (value, every), (lower, same), (_, few) = (evaluations(known) for known in (np.inf, FLOOR + 10, FLOOR - 10))
+    assert value == pytest.approx(FLOOR, abs=1e-2) == lower
+    assert same == every
+    assert few < every / 2
+
+
 def test_starts_that_cannot_be_evaluated_are_told() -> None:
     def fails(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         value, gradient, hessian = Valley()(points)
