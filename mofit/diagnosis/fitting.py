@@ -173,8 +173,12 @@ def _near_minimum(model: Hypothesis, few: FewPeriods, found: Sequence[Minimum]) 
 
 
 def _is_far(value: float, limit: float, beside: Fitted) -> bool:
-    """Whether a value by a few periods is so far above the limit that all periods would not change that."""
-    return value - limit > max(_FAR * (beside.minimum.value - limit), 0.0)
+    """Whether a value by a few periods is so far above the limit that all periods would not change that.
+
+    They tell it where they tell the same of the fit beside.
+    """
+    known = of_few_periods(beside) is not beside
+    return known and value - limit > max(_FAR * (beside.minimum.value - limit), 0.0)
 
 
 def _repeated(model: Hypothesis, few: FewPeriods, found: Minimum, beside: Fitted) -> Fitted:
