@@ -57,10 +57,9 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     """A fitted hypothesis with its criterion; it was selected among so many candidates."""
     model = fitted.hypothesis
     chosen = len(model.effects)
-    rows = int(model.observed.explainable.sum())
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
     squares = float(fitted.residual @ fitted.residual) - doubt_of_constants(fitted)
-    return CandidateModel(fitted, squares + _price(model, rows) + 2 * float(choices))
+    return CandidateModel(fitted, squares + price(model) + 2 * float(choices))
 
 
 def doubt_of_constants(fitted: Fitted) -> float:
@@ -80,9 +79,10 @@ def doubt_of_constants(fitted: Fitted) -> float:
     return squares - (freedom + count) * float(np.log1p(squares / freedom))
 
 
-def _price(model: Hypothesis, rows: int) -> float:
+def price(model: Hypothesis) -> float:
     """Of the effects' parameters: the logarithm of the number of rows that each value acts on."""
     layout, observed = model.layout, model.observed
+    rows = int(observed.explainable.sum())
     per_test = np.bincount(observed.test[observed.explainable], minlength=len(layout.place))
     on_test = [(layout.place == k).any(axis=1) for k in range(model.own, len(layout.space))]
     acted_on = [rows if tests.all() else int(per_test[tests].sum()) for tests in on_test]

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.candidate_model import price
 from mofit.diagnosis.candidates import effects_moving
 from mofit.diagnosis.few_periods import at_steps_for, few_periods, repeats
 from mofit.diagnosis.fitting import Fitted, fit, in_wider_ranges
@@ -52,8 +53,8 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf, known: float 
     added
         The effect's score test there.
     limit
-        Sum of squares that the model must come down to; one that cannot is left as it was found first: coarsely
-        fitted and integrated, and the stages as they were.
+        Sum of squares and price of the effects that the model must come down to; one that cannot is left as it was
+        found first: coarsely fitted and integrated, and the stages as they were.
     known
         Value of the minimum that the model must fall below to be of use; one that does not is left in the same way.
 
@@ -64,6 +65,7 @@ def refit(fitted: Fitted, added: ScoreTest, limit: float = np.inf, known: float 
     """
     old, here = fitted.hypothesis, fitted.minimum.point
     new = hypothesis(old.observed, (*old.discrepancies, added.discrepancy))
+    limit -= price(new)
     grid = _best_points(added)
     least = max(old.steps, int(added.candidate.steps[grid[0]])) if added.effect.states else old.steps
     starts = [(least, one) for one in (_start(new, here, {}), *_along(new, fitted, added))]
@@ -103,6 +105,7 @@ def refit_from(fitted: Fitted, other: Fitted, limit: float = np.inf, known: floa
         If no start can be simulated, or the minimum cannot be integrated more finely.
     """
     model, starts = fitted.hypothesis, []
+    limit -= price(model)
     names, own = model.space.names, model.space.names[: model.own]
     for shared in (own, names):
         values = fitted.values | {name: value for name, value in other.values.items() if name in shared}
