@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mofit._typing import FloatArray
 from mofit.errors import InputError
 from mofit.optimize.local_minima import Closeness, Refined, Status, Values, close_pairs
-from mofit.optimize.trust_region_step import box_step, pressed, scaled_gradient
+from mofit.optimize.trust_region_step import box_minimum, box_step, pressed, scaled_gradient
 
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points (N, d) of the unit cube to value (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""
@@ -189,7 +189,7 @@ def _evaluated_where(
 def _predicted_decrease(state: _State, settings: RefineSettings, reach: float) -> FloatArray:
     """What an undamped step that moves no coordinate farther than ``reach`` would gain, in nats, shape (K,)."""
     least = np.full(len(state.points), settings.least_damping)
-    return box_step(state.points, state.gradients, state.hessians, least, reach)[1]
+    return box_minimum(state.points, state.gradients, state.hessians, least, reach)[1]
 
 
 def _settle(state: _State, settings: RefineSettings) -> _State:

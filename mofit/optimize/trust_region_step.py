@@ -46,7 +46,52 @@ _MOST_ROUNDS = 10
 def box_step(
     points: FloatArray, gradients: FloatArray, hessians: FloatArray, damping: FloatArray, reach: float
 ) -> tuple[FloatArray, FloatArray]:
-    r"""Minimiser of the damped quadratic model inside the box.
+    r"""Approximate minimiser of the damped quadratic model inside the box.
+
+    .. math:: m(s) = g^T s + \tfrac12 s^T (H + \lambda D) s, \quad 0 \le u + s \le 1, \quad |s_i| \le \Delta
+
+    with D = `curvature_scale`. Coordinates pressed against a bound stay there; a component that leaves its limits is
+    put on them and the others are solved again, until all fit (at most d rounds). Where many leave them the model may
+    even rise: such a step is rejected, and tried again with more damping. `box_minimum` is exact.
+
+    Parameters
+    ----------
+    points, gradients, hessians
+        u (K, d), g (K, d), H (K, d, d), positive semi-definite.
+    damping
+        lambda > 0, shape (K,).
+    reach
+        Largest move of one coordinate, Delta.
+
+    Returns
+    -------
+    The steps (K, d), and by how much the undamped model falls, :math:`-g^T s - s^T H s / 2`, shape (K,).
+    """
+    dimension = points.shape[1]
+    diagonal = np.eye(dimension, dtype=bool)
+    damped = hessians + (damping[:, None] * curvature_scale(hessians))[:, :, None] * diagonal
+    low, high = np.maximum(-points, -reach), np.minimum(1.0 - points, reach)
+    fixed = pressed(points, gradients) != 0
+    step = np.zeros_like(points)
+    for _ in range(dimension + 1):
+        held = np.where(fixed, step, 0.0)
+        right = np.where(fixed, held, -gradients - np.einsum("kij,kj->ki", damped, held))
+        coupled = ~fixed[:, :, None] & ~fixed[:, None, :]
+        step = np.linalg.solve(np.where(coupled, damped, 1.0 * diagonal), right[:, :, None])[:, :, 0]
+        outside = ~fixed & ((step < low) | (step > high))
+        if not outside.any():
+            break
+        fixed |= outside
+        step = np.clip(step, low, high)
+    step = np.clip(step, low, high)
+    fall = -np.einsum("ki,ki->k", gradients, step) - 0.5 * np.einsum("ki,kij,kj->k", step, hessians, step)
+    return step, fall
+
+
+def box_minimum(
+    points: FloatArray, gradients: FloatArray, hessians: FloatArray, damping: FloatArray, reach: float
+) -> tuple[FloatArray, FloatArray]:
+    r"""Exact minimiser of the damped quadratic model inside the box: what a step may promise.
 
     .. math:: m(s) = g^T s + \tfrac12 s^T (H + \lambda D) s, \quad 0 \le u + s \le 1, \quad |s_i| \le \Delta
 

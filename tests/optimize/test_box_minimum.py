@@ -1,11 +1,11 @@
-"""A damped step is the exact minimiser of its model in the box; a dense solver of bounded least squares is the peer."""
+"""What a step promises is that of the exact minimiser in the box; bounded least squares by SciPy is the peer."""
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from mofit.optimize.trust_region_step import box_step, curvature_scale
+from mofit.optimize.trust_region_step import box_minimum, curvature_scale
 
 REACH = 0.25
 
@@ -28,7 +28,7 @@ def test_no_step_in_the_box_is_lower(seed, size, damping, alike):
     residual = rng.normal(size=(count, size + 2)) * 10 ** rng.uniform(0, 3)
     points = np.clip(rng.uniform(-0.3, 1.3, size=(count, size)), 0, 1)
     gradients, hessians = np.einsum("kri,kr->ki", slopes, residual), slopes.transpose(0, 2, 1) @ slopes
-    steps, falls = box_step(points, gradients, hessians, np.full(count, damping), REACH)
+    steps, falls = box_minimum(points, gradients, hessians, np.full(count, damping), REACH)
     for point, own, left, step, fall in zip(points, slopes, residual, steps, falls, strict=True):
         low, high = np.maximum(-point, -REACH), np.minimum(1 - point, REACH)
         assert np.all((step >= low - 1e-12) & (step <= high + 1e-12))
@@ -47,7 +47,7 @@ def test_derivatives_of_all_sizes_are_no_error():
     sizes = np.array([1e-20, 1.0, 1e30])
     slopes = np.random.default_rng(0).normal(size=(5, 3)) * sizes
     residual = np.ones(5)
-    step, fall = box_step(
+    step, fall = box_minimum(
         np.full((1, 3), 0.5), (residual @ slopes)[None], (slopes.T @ slopes)[None], np.array([1e-9]), REACH
     )
     assert np.all(np.isfinite(step))
