@@ -117,11 +117,9 @@ def _repeating(whole: Whitening, rows: FloatArray) -> FloatArray:
 
 def repeats(observed: WhitenedData, rows: FloatArray) -> bool:
     """Whether rows (m, k) of a signal have hardly any power beside the harmonics of the tests that repeat."""
-    parts = [
-        ~w.harmonic[w.line_of_row] if w.periods else np.zeros(len(w.line_of_row), bool) for *_, w in observed.records
-    ]
+    beside = [(w.periods > 0) & ~w.harmonic[w.line_of_row] for *_, w in observed.records]
     power = np.sum(rows**2, axis=1)
-    return bool(power[np.concatenate(parts)].sum() <= ELSEWHERE * power.sum())
+    return bool(power[np.concatenate(beside)].sum() <= ELSEWHERE * power.sum())
 
 
 def in_whole_rows(short: WhitenedData, whole: WhitenedData, rows: FloatArray) -> FloatArray:

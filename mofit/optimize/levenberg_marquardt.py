@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mofit._typing import FloatArray
 from mofit.errors import InputError
+from mofit.optimize.box_minimum import box_minimum
 from mofit.optimize.local_minima import Closeness, Refined, Status, Values, close_pairs
-from mofit.optimize.trust_region_step import box_minimum, box_step, pressed, scaled_gradient
+from mofit.optimize.trust_region_step import box_step, pressed, scaled_gradient
 
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Points (N, d) of the unit cube to value (N,), gradient (N, d), Gauss-Newton Hessian (N, d, d)."""

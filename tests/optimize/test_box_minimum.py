@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from mofit.optimize.trust_region_step import box_minimum, curvature_scale
+from mofit.optimize.box_minimum import box_minimum
+from mofit.optimize.trust_region_step import curvature_scale
 
 REACH = 0.25
 
