@@ -16,6 +16,7 @@ from mofit.simulation.compiler.machine import Code, kept
 from mofit.simulation.compiler.program import LANE, Program, Split, contract, trace
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
+from mofit.simulation.lane_points import LanePoints, LaneSteps, lane_points
 from mofit.simulation.step_points import StepPoints, step_points
 from mofit.simulation.time_grid import StepLevel
 
@@ -68,15 +69,15 @@ class Kernel:
             levels = tuple(LANE if index == FIXED else level for index, level in enumerate(levels))
         self.sample = Split(program, levels, (0, 1, 2))
         self.substep = Split(program, levels, (1,))
-        self._codes: dict[tuple[bool, int], Code] = {}
+        self._codes: dict[tuple[bool, int, bool], Code] = {}
 
-    def code(self, refined: bool, lanes: int) -> Code:
+    def code(self, refined: bool, lanes: int, own_tables: bool = False) -> Code:
         """The compiled loop, with or without further steps within a sampling interval."""
         # a refined loop takes any time grid
-        key = (refined or (True, lanes) in self._codes, lanes)
+        key = (refined or (True, lanes, own_tables) in self._codes, lanes, own_tables)
         if key not in self._codes:
             substep = self.substep if refined else None
-            self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes)
+            self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes, own_tables)
         return self._codes[key]
 
     def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
@@ -89,6 +90,42 @@ class Kernel:
             more, substep_rows = self._evaluated(self.substep, experiment, points, ~points.begins, shared)
         experiment.forget_curves()
         return Table(np.concatenate([constant, more]), rows, points.counts - 1, substep_rows)
+
+    def table_of_lanes(self, experiments: Sequence[ExperimentData], lanes: int, level: StepLevel) -> Table:
+        """The tables of tests side by side, one per lane, where all parameters are those of a lane.
+
+        The last test fills the lanes that are left.
+        """
+        points = lane_points(self.system, experiments, level)
+        parts = [(self.sample, points.begin)]
+        if points.further.count:
+            parts.append((self.substep, points.further))
+        made = [self._of_lanes(split, experiments, lanes, points, steps) for split, steps in parts]
+        for experiment in experiments:
+            experiment.forget_curves()
+        constant, rows = zip(*made, strict=True)
+        return Table(np.concatenate(constant), rows[0], points.counts - 1, *rows[1:] or [np.empty((0, 0))])
+
+    def _of_lanes(
+        self, split: Split, experiments: Sequence[ExperimentData], lanes: int, points: LanePoints, steps: LaneSteps
+    ) -> tuple[FloatArray, FloatArray]:
+        """Constant values (values, lanes) and rows (steps, values, lanes) of the tables, for some of the steps."""
+        tests = list(zip(experiments, points.own, steps.at, strict=True))
+
+        def everywhere(values: Sequence[FloatArray]) -> FloatArray:
+            return np.repeat(np.transpose(values), [len(at) for at in steps.at], axis=1)
+
+        given: dict[str, Callable[[], FloatArray]] = {
+            "input": lambda: np.concatenate([own.inputs_of(test, at) for test, own, at in tests], axis=1),
+            "input_rate": lambda: np.concatenate([test.derivative(own.start[at]) for test, own, at in tests], axis=1),
+            "first": lambda: everywhere([own.first for _, own, _ in tests]),
+            "condition": lambda: everywhere([test.conditions for test in experiments]),
+            "h": lambda: steps.length[None],
+        }
+        read, none = split.table.inputs, np.empty((0, len(steps.length)))
+        values = evaluate(split.table, [given[name]() if i in read else none for i, name in enumerate(GRAPH_INPUTS)])
+        cut = len(split.constant)
+        return steps.first(values[:cut], lanes), steps.spread(values[cut:], lanes)
 
     def _evaluated(
         self,

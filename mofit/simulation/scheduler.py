@@ -6,10 +6,11 @@ import copy
 import ctypes
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +31,17 @@ _FEW_CARRIED = 20
 _MANY_SETS = 4
 #: bytes of tables and results that are worked on together
 _AT_ONCE_BYTES = 3e7
+#: So many times the work of a test at a time may be that of tests side by side: one table is made of them all.
+_SIDE_BY_SIDE = 2
+#: Most steps of all lanes together of tests side by side: beyond that a test at a time takes less memory.
+_MOST_STEPS = 150_000
 
 #: scheme, derivatives, reduce, fixed parameters per lane
 KernelKey = tuple[str, bool, bool, bool]
-#: kernel, test, steps, fixed parameters
-TableKey = tuple[KernelKey, ExperimentData, int, bytes]
+#: kernel, test (or those of the lanes), steps, fixed parameters
+TableKey = tuple[KernelKey, ExperimentData | tuple[ExperimentData, ...], int, bytes]
+#: test, its parameter sets, and where they are in the result of a job: the last axis
+_End = tuple[int, NDArray[np.intp], slice]
 
 
 @dataclass(frozen=True)
@@ -47,24 +54,21 @@ class _Block:
     parameters: FloatArray  # (np, L): free, then fixed
     fixed_per_lane: bool
 
-    @cached_property
-    def address(self) -> int:
-        """Of the parameters in memory."""
-        return self.parameters.ctypes.data
-
 
 @dataclass(frozen=True, eq=False)
 class _Job:
-    """A block on its way through a test, and where its result goes."""
+    """What a loop runs through, and where its result goes."""
 
-    test: int
-    block: _Block
-    experiment: ExperimentData
+    samples: int
+    steps: int
+    parameters: FloatArray  # (np, L): free, then fixed
     table: Table
     entry: Callable[..., None]
     data: FloatArray | None
     """What is measured; None for loops that do not read it."""
     result: FloatArray
+    kept: int
+    ends: Sequence[_End]
 
     @property
     def record(self) -> tuple[int, ...]:
@@ -72,8 +76,8 @@ class _Job:
         constant, rows, counts, substep_rows = self.table.addresses
         data = 0 if self.data is None else self.data.ctypes.data
         return (
-            self.experiment.samples, self.block.address, constant, rows, data, counts, substep_rows,
-            self.result.ctypes.data, len(self.block.rows),
+            self.samples, self.parameters.ctypes.data, constant, rows, data, counts, substep_rows,
+            self.result.ctypes.data, self.kept,
         )  # fmt: skip
 
 
@@ -131,7 +135,7 @@ class Scheduler:
         """Sums per set, test and output (see `loop.Shape.terms`), (N, T, ny, terms); nan where no level is taken."""
         shape = self._shape(derivatives)
         result = np.full((len(p), len(experiments), shape.sums), np.nan)
-        for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=True):
+        for test, rows, values in self._run(self._jobs(experiments, p, choices, derivatives, reduce=True)):
             result[rows, test] = values[:, : len(rows)].T
         return result.reshape(len(p), len(experiments), shape.outputs, shape.terms)
 
@@ -149,24 +153,77 @@ class Scheduler:
         # samples last in memory: what follows works along them
         shapes = [(len(p), count, columns, experiment.recorded) for experiment in experiments]
         result = [np.full(shape, np.nan).transpose(0, 3, 1, 2) for shape in shapes]
-        for test, rows, values in self._run(experiments, p, choices, derivatives, reduce=False):
-            result[test][rows] = values[experiments[test].lead :, :, kept].transpose(3, 0, 2, 1)
+        groups = self._side_by_side(experiments, p, choices, derivatives)
+        alone = [test for test in range(len(experiments)) if not any(test in tests for _, tests in groups)]
+        jobs = chain(
+            *(self._of_lanes(experiments, p, level, tests, derivatives) for level, tests in groups),
+            self._jobs(experiments, p, choices, derivatives, reduce=False, tests=alone),
+        )
+        for test, rows, values in self._run(jobs):
+            record = slice(experiments[test].lead, experiments[test].samples)
+            result[test][rows] = values[record, :, kept].transpose(3, 0, 2, 1)
         return result
 
     def _shape(self, derivatives: bool) -> Shape:
         return Shape(len(self.system.states), len(self.system.outputs), len(self.free), derivatives)
 
-    def _blocks(self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool) -> list[tuple[int, _Block]]:
+    def _blocks(
+        self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool, tests: Sequence[int]
+    ) -> list[tuple[int, _Block]]:
         """The batch in blocks that share a test (its index), the fixed parameters and the step level."""
         alike: dict[int, list[int]] = {}  # the same choice for several tests is the same blocks
-        for test, choice in enumerate(choices):
-            alike.setdefault(id(choice) if p.ndim == 2 or self._fixed_per_lane else test, []).append(test)
+        for test in tests:
+            alike.setdefault(id(choices[test]) if p.ndim == 2 or self._fixed_per_lane else test, []).append(test)
         blocks: dict[int, list[_Block]] = {}
-        for tests in alike.values():
-            sets = p[:, tests] if p.ndim == 3 else p[:, None]
-            found = self._cut(sets, choices[tests[0]], derivatives)
-            blocks |= dict(zip(tests, found * (len(tests) // len(found)), strict=True))
-        return [(test, block) for test in range(len(choices)) for block in blocks[test]]
+        for own in alike.values():
+            sets = p[:, own] if p.ndim == 3 else p[:, None]
+            found = self._cut(sets, choices[own[0]], derivatives)
+            blocks |= dict(zip(own, found * (len(own) // len(found)), strict=True))
+        return [(test, block) for test in tests for block in blocks[test]]
+
+    def _side_by_side(
+        self, experiments: Sequence[ExperimentData], p: FloatArray, choices: Sequence[StepChoice], derivatives: bool
+    ) -> list[tuple[StepLevel, list[int]]]:
+        """Tests that go through a loop together, one per lane, with their level: where sets would fill few lanes."""
+        if not self._fixed_per_lane:
+            return []
+        alike: dict[StepLevel, list[int]] = {}
+        for test, choice in enumerate(choices):
+            # a step of no length is none for an implicit method
+            if len(choice.levels) == 1 and choice.levels[0].scheme.explicit and not choice.taken.any():
+                alike.setdefault(choice.levels[0], []).append(test)
+        lanes, found = _lane_counts(self._shape(derivatives))[0], list[tuple[StepLevel, list[int]]]()
+        for level, tests in alike.items():
+            samples = [experiments[test].samples for test in tests]
+            longest = [tests[at] for at in np.argsort(samples, kind="stable")[::-1]]
+            groups = [longest[first : first + lanes] for first in range(0, len(longest), lanes)]
+            together = len(p) * sum(experiments[first].samples for first, *_ in groups)
+            few = max(samples) * level.steps * lanes <= _MOST_STEPS
+            if few and len(tests) > 1 and together <= _SIDE_BY_SIDE * sum(samples) * math.ceil(len(p) / lanes):
+                found += [(level, group) for group in groups]
+        return found
+
+    def _of_lanes(
+        self,
+        experiments: Sequence[ExperimentData],
+        p: FloatArray,
+        level: StepLevel,
+        tests: Sequence[int],
+        derivatives: bool,
+    ) -> Iterator[_Job]:
+        """A job per parameter set, for tests side by side; the last one fills the lanes that are left."""
+        shape, lanes = self._shape(derivatives), _lane_counts(self._shape(derivatives))[0]
+        key, every = (level.scheme.name, derivatives, False, True), [*tests, *[tests[-1]] * (lanes - len(tests))]
+        kernel, own = self._kernel(key, level), tuple(experiments[test] for test in tests)
+        known = (key, own, level.steps, b"")
+        table = self._tables.table(known, lambda: kernel.table_of_lanes(own, lanes, level), {known})
+        entry, samples = kernel.code(table.refined, lanes, own_tables=True).entry, own[0].samples
+        for number, values in enumerate(p[..., self._order]):
+            sets = values[every] if values.ndim == 2 else np.broadcast_to(values, (lanes, len(values)))
+            parameters = np.ascontiguousarray(sets.T)
+            result = np.empty((samples, shape.columns, shape.outputs, lanes))
+            ends = [(test, np.array([number]), slice(lane, lane + 1)) for lane, test in enumerate(tests)]
+            yield _Job(samples, level.steps, parameters, table, entry, None, result, lanes, ends)
 
     def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[list[_Block]]:
         """The blocks of each of several tests, from their parameter sets (N, tests, np)."""
@@ -206,39 +263,48 @@ class Scheduler:
         used.add(known)
         return self._tables.table(known, lambda: kernel.table(experiment, block.level, fixed), used)
 
-    def _run(
+    def _jobs(
         self,
         experiments: Sequence[ExperimentData],
         p: FloatArray,
         choices: Sequence[StepChoice],
         derivatives: bool,
         reduce: bool,
-    ) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
-        """Test, parameter sets and result of every block: (sums, L) or (samples, 1 + nf, outputs, sets).
-
-        So many at once as memory allows.
-        """
-        shape = self._shape(derivatives)
-        jobs: list[_Job] = []
-        load, used, seen, packed = 0, set[TableKey](), set[int](), dict[int, FloatArray]()
-        for test, block in self._blocks(p, choices, derivatives):
+        tests: Sequence[int] | None = None,
+    ) -> Iterator[_Job]:
+        """A job per block of parameter sets of every test, or of some."""
+        shape, used = self._shape(derivatives), set[TableKey]()
+        data, of = None, -1
+        for test, block in self._blocks(p, choices, derivatives, range(len(choices)) if tests is None else tests):
             key = (block.level.scheme.name, derivatives, reduce, block.fixed_per_lane)
             kernel, experiment = self._kernel(key, block.level), experiments[test]
             table = self._table(key, kernel, experiment, block, used)
             code = kernel.code(table.refined or self._one_loop, block.lanes)
+            kept = len(block.rows)
             if reduce:
-                if test not in packed:
-                    packed[test] = experiment.packed()
-                    load += packed[test].nbytes
+                data, of = (data, of) if test == of else (experiment.packed(), test)
                 result = np.empty((shape.sums, block.lanes))
             else:
-                result = _room((experiment.samples, shape.columns, shape.outputs, len(block.rows)), block.lanes)
-            jobs.append(_Job(test, block, experiment, table, code.entry, packed.get(test), result))
-            load += result.nbytes + (table.nbytes if id(table) not in seen else 0)
-            seen.add(id(table))
+                result = _room((experiment.samples, shape.columns, shape.outputs, kept), block.lanes)
+            ends = [(test, block.rows, slice(None))]
+            steps = block.level.steps
+            yield _Job(experiment.samples, steps, block.parameters, table, code.entry, data, result, kept, ends)
+
+    def _run(self, wanted: Iterable[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+        """Test, parameter sets and result of every job: (sums, L) or (samples, 1 + nf, outputs, sets).
+
+        So many at once as memory allows.
+        """
+        jobs, load, seen = list[_Job](), 0, set[int]()
+        for job in wanted:
+            jobs.append(job)
+            load += job.result.nbytes
+            for shared in (job.table, job.data):
+                load += 0 if shared is None or id(shared) in seen else shared.nbytes
+                seen.add(id(shared))
             if load > _AT_ONCE_BYTES:
                 yield from self._done(jobs)
-                jobs, load, seen, packed = [], 0, set(), {}
+                jobs, load, seen = [], 0, set()
         yield from self._done(jobs)
 
     def _done(self, jobs: Sequence[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
@@ -248,11 +314,12 @@ class Scheduler:
             entries.setdefault(id(job.entry), []).append(job)
         for members in entries.values():
             # the longest first, so that threads end together
-            members.sort(key=lambda job: -job.experiment.samples * job.block.level.steps)
+            members.sort(key=lambda job: -job.samples * job.steps)
             records = np.array([job.record for job in members], dtype=np.int64).reshape(-1, len(JOB_FIELDS))
             self._call(members[0].entry, records)
         for job in jobs:
-            yield job.test, job.block.rows, job.result
+            for test, rows, place in job.ends:
+                yield test, rows, job.result[..., place]
 
     def _call(self, entry: Callable[..., None], records: NDArray[np.int64]) -> None:
         """Run jobs in this thread and in as many others as there is work for."""

@@ -108,16 +108,20 @@ def find_switches(system: System, experiment: ExperimentData) -> tuple[FloatArra
     sets. A step across a kink would be of second order only.
     """
     known, programs = _switches.setdefault(experiment, {}), switch_programs(system)
-    for program in (one for one in programs if one not in known):
-        known[program] = _find(program, experiment)
-        experiment.forget_curves()
-    found = [known[program] for program in programs]
-    low, high = (np.concatenate([np.empty(0), *(times[side] for times in found)]) for side in (0, 1))
-    return _separate(low, high, experiment.step)
+    if programs not in known:
+        for program in (one for one in programs if (one,) not in known):
+            known[program,] = _find(program, experiment)
+            experiment.forget_curves()
+        found = [known[program,] for program in programs]
+        low, high = (np.concatenate([np.empty(0), *(times[side] for times in found)]) for side in (0, 1))
+        known[programs] = _separate(low, high, experiment.step)
+    return known[programs]
 
 
-#: by test, with which they go, and function whose sign decides: models that share it share its switches
-_switches: WeakKeyDictionary[ExperimentData, dict[Program, tuple[FloatArray, FloatArray]]] = WeakKeyDictionary()
+#: by test, with which they go, and functions whose sign decides: models that share them share their switches
+_switches: WeakKeyDictionary[ExperimentData, dict[tuple[Program, ...], tuple[FloatArray, FloatArray]]] = (
+    WeakKeyDictionary()
+)
 
 
 def _find(program: Program, experiment: ExperimentData) -> tuple[FloatArray, FloatArray]:

@@ -66,20 +66,26 @@ class Shape:
 
 
 @lru_cache(maxsize=256)
-def compile_loop(sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int) -> Code:
+def compile_loop(
+    sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int, own_tables: bool = False
+) -> Code:
     """Compile ``run(jobs, number of jobs, counter)``.
 
     Threads that share a counter share the jobs. Job after job, sample after sample: outputs, then one step by
     ``sample``, then further steps by ``substep`` if the loop is refined. With ``reduce`` the loop sums weighted
-    squares, else it stores the outputs of every sample.
+    squares, else it stores the outputs of every sample. With ``own_tables`` every lane has a table of its own, a vector
+    for every value that lanes else share.
     """
-    what = ("loop", sample.digest, substep and substep.digest, shape, reduce, lanes)
-    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes).text(), _SIGNATURE)
+    what = ("loop", sample.digest, substep and substep.digest, shape, reduce, lanes, own_tables)
+    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes, own_tables).text(), _SIGNATURE)
 
 
 class _Loop:
-    def __init__(self, sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int) -> None:
+    def __init__(
+        self, sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int, own_tables: bool
+    ) -> None:
         self.sample, self.substep, self.shape, self.reduce, self.lanes = sample, substep, shape, reduce, lanes
+        self.own_tables = own_tables
         self.emit = Emitter([PTR, I64, PTR], lanes, host())
         self.build = self.emit.builder
 
@@ -149,7 +155,7 @@ class _Loop:
     def _invariant(self, split: Split, parameters: ir.Value, constant: ir.Value, offset: int) -> Values:
         """Loop-invariant values: those of the table and what every lane computes from them once."""
         emit, nodes = self.emit, split.program.nodes
-        values = {index: emit.load_splat(constant, offset + i) for i, index in enumerate(split.constant)}
+        values = {index: self._read(constant, emit.integer(offset + i)) for i, index in enumerate(split.constant)}
         constants = {i for i in split.live if not nodes[i].args and nodes[i].op == OP_CONST}
         invariant = [i for i in split.live if split.levels[i] == LANE or i in constants]
         for index in invariant:
@@ -169,8 +175,14 @@ class _Loop:
                 values[index] = state[source[1]]
         base = self.emit.times(row, len(split.varying))
         for place, index in enumerate(split.varying):
-            values[index] = self.emit.load_splat(rows, self.build.add(base, self.emit.integer(place)))
+            values[index] = self._read(rows, self.build.add(base, self.emit.integer(place)))
         return values
+
+    def _read(self, table: ir.Value, number: ir.Value) -> ir.Value:
+        """A value of a table, the same in all lanes or of each its own."""
+        if self.own_tables:
+            return self.emit.load(table, self.emit.times(number, self.lanes))
+        return self.emit.load_splat(table, number)
 
     def _outputs(self, split: Split, output: int, values: Values) -> list[ir.Value]:
         wanted = split.program.outputs[output]
