@@ -11,9 +11,11 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import casadi as ca
+
+from mofit.simulation.compiler.machine import kept
 
 #: of `marshal`: later ones write equal values differently
 _FORMAT = 2
@@ -37,7 +39,7 @@ class Node(NamedTuple):
     value: float | tuple[int, int] | None = None  # a constant, or (input, element)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Program:
     """Nodes in order of evaluation and, per output, the node of each element."""
 
@@ -45,11 +47,18 @@ class Program:
     outputs: tuple[tuple[int, ...], ...]
 
     def __hash__(self) -> int:
-        return self._hash
+        return hash(self.serialized)
 
-    @cached_property
-    def _hash(self) -> int:
-        return hash((self.nodes, self.outputs))
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Program) and self.serialized == other.serialized
+
+    def __getattr__(self, name: str) -> Any:
+        # of a program from its bytes: where its code is kept, nobody asks
+        if name not in ("nodes", "outputs") or "serialized" not in vars(self):
+            raise AttributeError(name)
+        nodes, outputs = marshal.loads(self.serialized)
+        vars(self).update(nodes=tuple(Node(*node) for node in nodes), outputs=outputs)
+        return vars(self)[name]
 
     @cached_property
     def serialized(self) -> bytes:
@@ -59,8 +68,9 @@ class Program:
     @classmethod
     def deserialized(cls, content: bytes) -> Program:
         """The program from its bytes."""
-        nodes, outputs = marshal.loads(content)
-        return cls(tuple(Node(*node) for node in nodes), outputs)
+        found = cls.__new__(cls)
+        vars(found)["serialized"] = content
+        return found
 
     @cached_property
     def digest(self) -> str:
@@ -130,20 +140,32 @@ class Split:
         return tuple(sorted(index for index in read - constant if levels[index] == level))
 
     @cached_property
+    def _cut(self) -> tuple[tuple[int, ...], tuple[int, ...], bytes]:
+        """What `constant`, `varying` and `table` are, from the cache where it is kept."""
+
+        def made() -> bytes:
+            constant, varying = self._frontier(0), self._frontier(TIME)
+            # only what they need: models that differ elsewhere share the code
+            table = pruned(Program(self.program.nodes, (constant + varying,)))
+            return marshal.dumps((constant, varying, table.serialized), _FORMAT)
+
+        constant, varying, table = marshal.loads(kept(("split", self.digest), made))
+        return constant, varying, table
+
+    @property
     def constant(self) -> tuple[int, ...]:
         """Nodes whose values the lanes read once."""
-        return self._frontier(0)
+        return self._cut[0]
 
-    @cached_property
+    @property
     def varying(self) -> tuple[int, ...]:
         """Nodes whose values the lanes read at every step."""
-        return self._frontier(TIME)
+        return self._cut[1]
 
     @cached_property
     def table(self) -> Program:
         """Computes `constant` and `varying` from the graph's inputs."""
-        # only what they need: models that differ elsewhere share the code
-        return pruned(Program(self.program.nodes, (self.constant + self.varying,)))
+        return Program.deserialized(self._cut[2])
 
 
 class _Builder:
