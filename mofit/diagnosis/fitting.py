@@ -13,6 +13,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.few_periods import FewPeriods, at_steps_for, few_periods, in_whole_rows, with_residual
 from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.diagnosis.limited_refinement import HOPELESS, best_minimum, minima
+from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.errors import InputError
 from mofit.identification.widening import MOST, WORTH, beyond_ends
@@ -132,35 +133,41 @@ def fit(
     InputError
         If no start can be simulated.
     """
-    settings = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE
+    settings, whole = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE, Remembered(model)
     few, near = _few_periods(model, beside) if len(starts) > 1 else None, None
-    if few is not None and (found := _briefly(few, starts, settings, 0.5 * limit, least, known)):
+    brief = None if few is None else Remembered(few.hypothesis)
+    if few and brief and (found := _briefly(brief, few.left_out, starts, settings, 0.5 * limit, least, known)):
         if repeats and beside is not None and _is_far(found[0].value + few.left_out, 0.5 * limit, beside):
-            return _repeated(model, few, found[0], beside)
-        near = _near_minimum(model, few, found if beside is None else found[:1])
+            return _repeated(model, brief, found[0], beside)
+        near = _near_minimum(whole, few, found if beside is None else found[:1])
     if near is None:
-        best = best_minimum(model.evaluate, starts, settings, 0.5 * limit, least, known)
+        best = best_minimum(whole.evaluate, starts, settings, 0.5 * limit, least, known)
     else:
         if near.value > 0.5 * limit and not near.converged:  # it was given up
             settings = replace(settings, max_iterations=0)
-        best = best_minimum(model.evaluate, near.point[None], settings, 0.5 * limit, least, known)
+        best = best_minimum(whole.evaluate, near.point[None], settings, 0.5 * limit, least, known)
         best = replace(best, members=near.members)
-    here = model.linear(best.point[None])
-    return Fitted(model, best, here.residual[0], here.jacobian[0])
+    return Fitted(model, best, *whole.linear(best.point))
 
 
 def _briefly(
-    few: FewPeriods, starts: FloatArray, settings: RefineSettings, limit: float, least: float, known: float
+    brief: Remembered,
+    left_out: float,
+    starts: FloatArray,
+    settings: RefineSettings,
+    limit: float,
+    least: float,
+    known: float,
 ) -> Sequence[Minimum]:
     """Minima where a few periods of every test count, the best first; none if no start can be simulated."""
     try:
-        found = minima(few.hypothesis.evaluate, starts, settings, limit - few.left_out, least, known - few.left_out)
+        found = minima(brief.evaluate, starts, settings, limit - left_out, least, known - left_out)
     except InputError:
         return []
     return sorted(found, key=lambda one: one.value)
 
 
-def _near_minimum(model: Hypothesis, few: FewPeriods, found: Sequence[Minimum]) -> Minimum | None:
+def _near_minimum(model: Remembered, few: FewPeriods, found: Sequence[Minimum]) -> Minimum | None:
     """The best minimum of a few periods of every test, with its value where all count.
 
     It is near that of all, at a fraction of the cost. None where what is simulated does not repeat. Without a fit
@@ -181,15 +188,15 @@ def _is_far(value: float, limit: float, beside: Fitted) -> bool:
     return known and value - limit > max(_FAR * (beside.minimum.value - limit), 0.0)
 
 
-def _repeated(model: Hypothesis, few: FewPeriods, found: Minimum, beside: Fitted) -> Fitted:
+def _repeated(model: Hypothesis, brief: Remembered, found: Minimum, beside: Fitted) -> Fitted:
     """What a few periods tell of a minimum, for all periods: nothing more is simulated."""
-    short, here = few.hypothesis.observed, few.hypothesis.linear(found.point[None])
+    short, (left, columns) = brief.hypothesis.observed, brief.linear(found.point)
     rows, kept = len(model.observed.measured), len(short.measured)
     known = of_few_periods(beside).residual[:kept]
-    moved = np.column_stack([here.residual[0, :kept] - known, here.jacobian[0, :kept]]).T
+    moved = np.column_stack([left[:kept] - known, columns[:kept]]).T
     change, *slopes = in_whole_rows(short, model.observed, moved)
-    residual = np.concatenate([beside.residual[:rows] + change, here.residual[0, kept:]])
-    jacobian = np.concatenate([np.transpose(slopes), here.jacobian[0, kept:]])
+    residual = np.concatenate([beside.residual[:rows] + change, left[kept:]])
+    jacobian = np.concatenate([np.transpose(slopes), columns[kept:]])
     return Fitted(model, replace(found, value=0.5 * float(residual @ residual)), residual, jacobian)
 
 
