@@ -20,17 +20,16 @@ from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.refit import NotFittedError, refit, refit_from
+from mofit.diagnosis.residual_tests import remember, residual_tests
 from mofit.diagnosis.score_test import ScoreTest
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect
+from mofit.models.model import TIME
 from mofit.optimize import Minimum
 from mofit.parameters import Parameter
 from mofit.runtime.parallel import forked_map
 from mofit.runtime.progress import Progress
 from mofit.simulation.ranges import with_parameters
-
-#: Most processes: each needs memory of its own, and few refits take long.
-_MOST = 8
 
 
 @dataclass(frozen=True)
@@ -55,26 +54,26 @@ class _Sent:
         return Discrepancy(own, self.point, self.around, self.shift, self.sensitivity)
 
 
-def processes(observed: WhitenedData) -> int:
-    """So many may compute candidates, refits or terms for the tests."""
-    if observed.problem.evaluations is not None:  # a forked process would count its simulations for itself
-        return 1
-    return min(observed.simulators.jobs, _MOST)
-
-
 def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> list[Candidate]:
-    """What every effect adds to the fitted model, see `mofit.diagnosis.candidates.prepare`."""
+    """What every effect adds to the fitted model, see `mofit.diagnosis.candidates.prepare`.
 
-    def sent(effect: Effect) -> tuple[Any, ...]:
+    The residual tests of the model, which are asked for next, are made along.
+    """
+
+    def sent(effect: Effect | None) -> tuple[Any, ...]:
+        if effect is None:
+            return (residual_tests(fitted),)
         one = prepare(fitted, effect)
         return [_Sent.of(part) for part in one.discrepancies], one.sensitivities, one.columns, one.steps
 
     def tell(number: int) -> None:
-        progress("score test", number, len(effects), effects[number].name)
+        if number < len(effects):
+            progress("score test", number, len(effects), effects[number].name)
 
     # what has states of its own takes the most steps
-    stateful = [effect for effect in effects if effect.states]
-    found = forked_map(sent, effects, processes(fitted.hypothesis.observed), stateful, tell)
+    longest = [None, *(effect for effect in effects if effect.states)]
+    *found, (residuals,) = forked_map(sent, [*effects, None], fitted.hypothesis.observed.processes, longest, tell)
+    remember(fitted, residuals)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
@@ -134,8 +133,8 @@ def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress)
     def tell(number: int) -> None:
         progress("refit", number, len(wanted), " + ".join(effect.name for effect in wanted[number].effects))
 
-    models, stateful = list[Fitted | str](), [one for one in wanted if any(effect.states for effect in one.effects)]
-    for one, found in zip(wanted, forked_map(sent, wanted, processes(observed), stateful, tell), strict=True):
+    models, longest = list[Fitted | str](), [one for one in wanted if any(map(_takes_long, one.effects))]
+    for one, found in zip(wanted, forked_map(sent, wanted, observed.processes, longest, tell), strict=True):
         if isinstance(found, str):
             models.append(found)
             continue
@@ -144,3 +143,8 @@ def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress)
         model = hypothesis(observed, discrepancies).with_steps(steps)
         models.append(Fitted(model, minimum, residual, jacobian))
     return models
+
+
+def _takes_long(effect: Effect) -> bool:
+    """Whether it takes many steps, having states of its own, or changes over a test, so that all of it is simulated."""
+    return bool(effect.states) or TIME.name in {channel.name for channel in effect.inputs}

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, of_few_periods
@@ -197,7 +196,7 @@ def _predicted(
         model, points = leave_out(fitted, [one.tests for one in left_out], settings)
         return model.linear(points), [test for test, _ in model.outputs(points)]
 
-    linear, outputs = zip(*forked_map(folds, (baseline, best), processes(observed)), strict=True)
+    linear, outputs = zip(*forked_map(folds, (baseline, best), observed.processes), strict=True)
     response = -best.jacobian[:rows, best.free]
     for k, group in enumerate(left_out):
         here = np.isin(observed.test, group.tests)

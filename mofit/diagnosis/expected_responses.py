@@ -9,7 +9,6 @@ import numpy as np
 from mofit._typing import FloatArray
 from mofit.data import Experiment, Measurement
 from mofit.data.signals import SignalAnalysis
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Model, with_effects
@@ -35,7 +34,7 @@ def expected_responses(
     read = _Read(observed, experiments)
     for one in models:
         read.by(one)  # once, not by every process
-    return forked_map(lambda one: _responses(read, one, settling), models, processes(observed))
+    return forked_map(lambda one: _responses(read, one, settling), models, observed.processes)
 
 
 class _Read:

@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.inner_signals import InnerSignals, Target, stacked
 from mofit.diagnosis.integration import stable
 from mofit.diagnosis.linear_response import LinearResponse
@@ -45,7 +44,7 @@ def smoothed_readings(fitted: Sequence[Reading]) -> list[Reading]:
     found, moving = list(fitted), [k for k in range(len(fitted)) if _moves(responses, k)]
     if not moving:
         return found
-    scales, count = np.array([fitted[k].target.scale for k in moving]), processes(signals.fitted.hypothesis.observed)
+    scales, count = np.array([fitted[k].target.scale for k in moving]), signals.fitted.hypothesis.observed.processes
     with np.errstate(all="ignore"):
         missing = list(_missing(signals, responses, moving, scales))
     steps = _STEPS[np.argmax(sum(forked_map(_log_likelihoods, missing, count)), axis=1)]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.fitting import Fitted, of_few_periods
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.projection import Projection, project
@@ -68,7 +67,7 @@ def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None =
     targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(signals.variables()))
     readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
     found = forked_map(
-        lambda one: _best_of(columns_on(one, terms, added), projection), readings, processes(fitted.hypothesis.observed)
+        lambda one: _best_of(columns_on(one, terms, added), projection), readings, fitted.hypothesis.observed.processes
     )
     pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
     if not pairs:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
@@ -36,7 +35,7 @@ def each_searched(starts: Sequence[Fitted], least: float) -> list[Trial]:
         best = searched(start, least)
         return None if best.effect is None else SentTrial.of(best)
 
-    count = processes(starts[0].hypothesis.observed)
+    count = starts[0].hypothesis.observed.processes
     if not 1 < count <= len(starts):
         return [searched(start, least) for start in starts]
     pairs = zip(starts, forked_map(sent, starts, count), strict=True)
@@ -98,7 +97,7 @@ def _selected(
         return selections(start.hypothesis.observed, columns, least, most)
 
     term_functions(tuple(terms))  # once, not by every process
-    return forked_map(selected, readings, processes(start.hypothesis.observed))
+    return forked_map(selected, readings, start.hypothesis.observed.processes)
 
 
 def _likely(

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.beside import processes
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.few_periods import at_steps_for
 from mofit.diagnosis.fitting import Fitted, fit
@@ -127,7 +126,7 @@ def fitted_jointly(start: Fitted, wanted: Sequence[Joint]) -> list[Trial]:
         errors = prediction_errors(found)
         return SentTrial.of(Trial(found, effect, errors)) if np.isfinite(errors.sum()) else None
 
-    found = forked_map(sent, wanted, processes(start.hypothesis.observed))
+    found = forked_map(sent, wanted, start.hypothesis.observed.processes)
     return [one.beside(start) for one in found if one is not None]
 
 

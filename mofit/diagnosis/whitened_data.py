@@ -26,6 +26,8 @@ from mofit.simulation.scoped_simulator import ScopedSimulator
 
 #: Relative singular value below which a combination of columns is none.
 _RANK = 1e-6
+#: Most processes: each needs memory of its own, and few refits take long.
+_MOST_PROCESSES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,13 @@ class WhitenedData:
     def without_stages(self) -> WhitenedData:
         """The same tests without what the stages tell: what a model lacks it may lack in their tests, too."""
         return replace(self, problem=replace(self.problem, prior=FLAT), calibrations=())
+
+    @property
+    def processes(self) -> int:
+        """So many may compute candidates, refits or terms for the tests."""
+        if self.problem.evaluations is not None:  # a forked process would count its simulations for itself
+            return 1
+        return min(self.simulators.jobs, _MOST_PROCESSES)
 
     @cached_property
     def test(self) -> NDArray[np.int64]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from hashlib import sha256
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.special import fdtri
@@ -13,6 +15,8 @@ from mofit.problem.curvature_adjustment import Score, normal_variance
 from mofit.problem.likelihood import TestSums
 from mofit.simulation import ExperimentData
 
+#: Samples up to which the noise of a test is kept: it takes several times their memory.
+_SHORT_TEST = 20_000
 #: Largest p-value at which lines that repeat count as a gap rather than noise.
 _CHANCE = 0.01
 
@@ -108,17 +112,39 @@ def _moments(
     return found
 
 
+#: Of a test: what its noise was found from last, and that of every output.
+_noise: WeakKeyDictionary[ExperimentData, tuple[bytes, dict[int, NoiseProcess]]] = WeakKeyDictionary()
+
+
+def _known_noise(
+    experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
+) -> dict[int, NoiseProcess]:
+    """Noise of every output of a test as far as it was found before, and a place for what is found.
+
+    What other records tell of the noise comes later, when the fit to this one stays.
+    """
+    if experiment.samples > _SHORT_TEST:
+        return {}
+    digest = sha256(repr(period).encode() + output.tobytes() + slopes.tobytes()).digest()
+    if experiment not in _noise or _noise[experiment][0] != digest:
+        _noise[experiment] = digest, {}
+    return _noise[experiment][1]
+
+
 def _residual_noise(
     experiment: ExperimentData, period: float | None, output: FloatArray, slopes: FloatArray
 ) -> Iterator[tuple[NoiseProcess, FloatArray]]:
     """Noise of every output measured in a test and its sensitivities (n, d), relative to its range, where used."""
+    known = _known_noise(experiment, period, output, slopes)
     for i in experiment.fitted:
         used = experiment.weights[:, i] > 0
         scale = np.sqrt(experiment.weights[used, i])
         simulated = output[used, i] * scale
         residual = experiment.measured[used, i] * scale - simulated
         time, own = np.asarray(experiment.step * np.flatnonzero(used)), slopes[used, i] * scale[:, None]
-        yield noise_process(residual, simulated, time, period, fitted=own), own
+        if i not in known:
+            known[i] = noise_process(residual, simulated, time, period, fitted=own)
+        yield known[i], own
 
 
 def _line_powers(process: NoiseProcess) -> FloatArray:
