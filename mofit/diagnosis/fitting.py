@@ -23,8 +23,6 @@ from mofit.optimize import Minimum, RefineSettings
 #: Where steps a thousandth as long as Newton's fail, derivatives and values disagree: shorter steps gain nothing.
 #: So many iterations are for curved valleys: with a limit, a fit that leads nowhere ends by its pace (`best_minimum`).
 _REFINE = RefineSettings(max_iterations=200, gradient_tolerance=0.02, decrease_tolerance=1e-3, most_damping=1e3)
-#: From so many steps per sample on integration takes most of the time: there four points are as fast as one.
-_FINE_STEPS, _FINE_REFINE = 8, replace(_REFINE, lanes=4, max_iterations=100)
 #: Largest difference between the squares by a few periods and those by all of a model that repeats, relative to these.
 _SAME = 0.05
 #: Share of what the fit beside lacks of the limit: what by a few periods lacks more cannot reach it.
@@ -133,7 +131,7 @@ def fit(
     InputError
         If no start can be simulated.
     """
-    settings, whole = _FINE_REFINE if model.steps >= _FINE_STEPS else _REFINE, Remembered(model)
+    settings, whole = _REFINE, Remembered(model)
     few, near = _few_periods(model, beside) if len(starts) > 1 else None, None
     brief = None if few is None else Remembered(few.hypothesis)
     if few and brief and (found := _briefly(brief, few.left_out, starts, settings, 0.5 * limit, least, known)):

@@ -34,7 +34,7 @@ _AT_ONCE_BYTES = 3e7
 #: So many times the work of a test at a time may be that of tests side by side: one table is made of them all.
 _SIDE_BY_SIDE = 2
 #: Most steps of all lanes together of tests side by side: beyond that a test at a time takes less memory.
-_MOST_STEPS = 150_000
+_MOST_STEPS = 300_000
 
 #: scheme, derivatives, reduce, fixed parameters per lane
 KernelKey = tuple[str, bool, bool, bool]

@@ -11,7 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from weakref import WeakSet
 
 #: bytes of tables that are kept; the usual campaign needs less
-KEPT_BYTES = 5e7
+KEPT_BYTES = 1e8
 
 _lock = Lock()
 _calls = count()
