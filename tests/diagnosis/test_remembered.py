@@ -1,0 +1,52 @@
+"""What a fit has computed is not computed again."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mofit._typing import FloatArray
+from mofit.diagnosis.hypothesis import Linear
+from mofit.diagnosis.remembered import Remembered
+
+
+@dataclass
+class _Bowl:
+    """Residuals u - c of points in the plane, one at a time; counts what it is asked for."""
+
+    asked: list[FloatArray] = field(default_factory=list)
+
+    def linear(self, u: FloatArray) -> Linear:
+        self.asked += list(u)
+        residual = u - np.array([0.3, 0.6])
+        residual[np.any(u > 1, axis=1)] = np.nan
+        return Linear(residual, np.broadcast_to(np.eye(2), (len(u), 2, 2)))
+
+    def linear_parts(self, u: FloatArray) -> Iterator[Linear]:
+        return (self.linear(point[None]) for point in u)
+
+
+def test_no_point_is_computed_twice() -> None:
+    bowl = _Bowl()
+    remembered = Remembered(bowl)  # type: ignore[arg-type]
+    first, second, lowest = np.array([[0.1, 0.2], [0.9, 0.9], [0.3, 0.5]])
+    remembered.evaluate(np.stack([first, second]))
+    value, gradient, hessian = remembered.evaluate(np.stack([second, lowest, first]))
+    expected = np.stack([second, lowest, first]) - [0.3, 0.6]
+    np.testing.assert_allclose(value, 0.5 * np.sum(expected**2, axis=1))
+    np.testing.assert_allclose(gradient, expected)
+    np.testing.assert_allclose(hessian, np.broadcast_to(np.eye(2), (3, 2, 2)))
+    assert len(bowl.asked) == 3
+    residual, jacobian = remembered.linear(lowest)
+    np.testing.assert_allclose(residual, lowest - [0.3, 0.6])
+    np.testing.assert_allclose(jacobian, np.eye(2))
+    assert len(bowl.asked) == 3  # the lowest is there in full
+    np.testing.assert_allclose(remembered.linear(first)[0], first - [0.3, 0.6])
+
+
+def test_a_point_that_fails_is_never_the_lowest() -> None:
+    remembered = Remembered(_Bowl())  # type: ignore[arg-type]
+    good, failed = np.array([0.2, 0.2]), np.array([2.0, 0.2])
+    value, *_ = remembered.evaluate(np.stack([failed, good]))
+    assert np.isnan(value[0])
+    np.testing.assert_allclose(remembered.linear(good)[0], good - [0.3, 0.6])
