@@ -72,7 +72,8 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
 
     # what has states of its own takes the most steps
     longest = [None, *(effect for effect in effects if effect.states)]
-    *found, (residuals,) = forked_map(sent, [*effects, None], fitted.hypothesis.observed.processes, longest, tell)
+    count = fitted.hypothesis.observed.processes
+    *found, (residuals,) = forked_map(sent, [*effects, None], count, longest, tell, _name)
     remember(fitted, residuals)
     return [
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
@@ -118,6 +119,10 @@ class _Wanted:
     effects: tuple[Effect, ...]
     fit: Callable[[], Fitted]
 
+    def name(self) -> str:
+        """Of its effects."""
+        return " + ".join(map(_name, self.effects))
+
 
 def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress) -> list[Fitted | str]:
     """The fits to the tests, or why there is none."""
@@ -131,10 +136,11 @@ def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress)
         return parts, found.hypothesis.steps, found.minimum, found.residual, found.jacobian
 
     def tell(number: int) -> None:
-        progress("refit", number, len(wanted), " + ".join(effect.name for effect in wanted[number].effects))
+        progress("refit", number, len(wanted), wanted[number].name())
 
     models, longest = list[Fitted | str](), [one for one in wanted if any(map(_takes_long, one.effects))]
-    for one, found in zip(wanted, forked_map(sent, wanted, observed.processes, longest, tell), strict=True):
+    fits = forked_map(sent, wanted, observed.processes, longest, tell, _Wanted.name)
+    for one, found in zip(wanted, fits, strict=True):
         if isinstance(found, str):
             models.append(found)
             continue
@@ -148,3 +154,7 @@ def _fits(observed: WhitenedData, wanted: Sequence[_Wanted], progress: Progress)
 def _takes_long(effect: Effect) -> bool:
     """Whether it takes many steps, having states of its own, or changes over a test, so that all of it is simulated."""
     return bool(effect.states) or TIME.name in {channel.name for channel in effect.inputs}
+
+
+def _name(effect: Effect | None) -> str:
+    return effect.name if effect else "residual tests"

@@ -31,15 +31,16 @@ from mofit.diagnosis.residual_map import homogeneity
 from mofit.diagnosis.result import Diagnosis
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
-from mofit.diagnosis.whitened_data import WhitenedData
+from mofit.diagnosis.whitened_data import MOST_PROCESSES, WhitenedData
 from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
 from mofit.identification.conditions import with_laws_of_conditions
 from mofit.identification.held_out import of_conditions, remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_effects, as_model, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, build_system
-from mofit.runtime.parallel import processor_time
+from mofit.runtime.parallel import may_fork, processor_time
 from mofit.runtime.progress import Progress, silent
+from mofit.runtime.team import is_first, team
 from mofit.simulation import objective_pairs
 from mofit.simulation.evaluation.evaluations import evaluations_of, with_evaluations
 from mofit.simulation.evaluation.executors import evaluated_in
@@ -94,12 +95,16 @@ def diagnose(
     settings, rules = (settings or Settings()).for_model(model), diagnosis or DiagnosisSettings()
     model = with_evaluations(model, settings.simulations)
     build_system(model)  # what is wrong with it is told before anything else
-    with evaluated_in(evaluations_of(model), settings.jobs, settings.timeout, settings.dask):
-        return _diagnosed(
+    evaluations, jobs = evaluations_of(model), simulators.jobs if simulators else settings.jobs
+    # each process of a team would count its simulations for itself
+    processes = min(jobs, MOST_PROCESSES) if evaluations is None and may_fork() else 1
+    with evaluated_in(evaluations, settings.jobs, settings.timeout, settings.dask), team(processes):
+        found = _diagnosed(
             campaign, model, as_effects(effects), settings, as_names(tests),
             of_conditions(campaign, as_names(hold_out)), rules, simulators,
-            progress, began,
+            progress if is_first() else silent,
         )  # fmt: skip
+    return replace(found, seconds=processor_time() - began)
 
 
 def _diagnosed(
@@ -112,7 +117,6 @@ def _diagnosed(
     rules: DiagnosisSettings,
     simulators: SimulatorCache | None,
     progress: Progress,
-    began: float,
 ) -> Diagnosis:
     """The steps of a diagnosis, in order."""
     campaign, merged = at_set_points(campaign, settings.over, settings.set_points)
@@ -170,7 +174,7 @@ def _diagnosed(
             *of_noise(observed),
         ),
         complete=complete,
-        seconds=processor_time() - began,
+        seconds=0.0,
         page=_page,
     )
 

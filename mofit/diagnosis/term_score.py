@@ -67,7 +67,10 @@ def _best_term(fitted: Fitted, projection: Projection, known: TermScore | None =
     targets, terms = ([known.target], [known.term]) if known else (signals.targets(), _thinned(signals.variables()))
     readings, added = fitted_readings(signals, targets), term_signals(signals, terms)
     found = forked_map(
-        lambda one: _best_of(columns_on(one, terms, added), projection), readings, fitted.hypothesis.observed.processes
+        lambda one: _best_of(columns_on(one, terms, added), projection),
+        readings,
+        fitted.hypothesis.observed.processes,
+        name=lambda one: one.target.name,
     )
     pairs = [(reading.target, one) for reading, one in zip(readings, found, strict=True) if one.statistic > 0]
     if not pairs:

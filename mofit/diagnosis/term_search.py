@@ -97,7 +97,8 @@ def _selected(
         return selections(start.hypothesis.observed, columns, least, most)
 
     term_functions(tuple(terms))  # once, not by every process
-    return forked_map(selected, readings, start.hypothesis.observed.processes)
+    processes = start.hypothesis.observed.processes
+    return forked_map(selected, readings, processes, name=lambda one: one.target.name)
 
 
 def _likely(

@@ -70,6 +70,10 @@ class Joint:
         terms = (*present, *zip(selection.terms, selection.sizes, strict=True))
         return cls(selection.target, terms, (moved, here))
 
+    def name(self) -> str:
+        """In words."""
+        return f"{' + '.join(term.title for term, _ in self.terms)} on {self.target.name}"
+
     def beside(self, start: Fitted) -> tuple[TermEffect, Hypothesis]:
         """The terms as an effect, and the model with it."""
         old = start.hypothesis
@@ -126,7 +130,7 @@ def fitted_jointly(start: Fitted, wanted: Sequence[Joint]) -> list[Trial]:
         errors = prediction_errors(found)
         return SentTrial.of(Trial(found, effect, errors)) if np.isfinite(errors.sum()) else None
 
-    found = forked_map(sent, wanted, start.hypothesis.observed.processes)
+    found = forked_map(sent, wanted, start.hypothesis.observed.processes, name=Joint.name)
     return [one.beside(start) for one in found if one is not None]
 
 

@@ -27,7 +27,7 @@ from mofit.simulation.scoped_simulator import ScopedSimulator
 #: Relative singular value below which a combination of columns is none.
 _RANK = 1e-6
 #: Most processes: each needs memory of its own, and few refits take long.
-_MOST_PROCESSES = 8
+MOST_PROCESSES = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ class WhitenedData:
         """So many may compute candidates, refits or terms for the tests."""
         if self.problem.evaluations is not None:  # a forked process would count its simulations for itself
             return 1
-        return min(self.simulators.jobs, _MOST_PROCESSES)
+        return min(self.simulators.jobs, MOST_PROCESSES)
 
     @cached_property
     def test(self) -> NDArray[np.int64]:

@@ -14,6 +14,7 @@ from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.problem.objectives import first_noise
 from mofit.problem.prior import FLAT, GaussianPrior
 from mofit.problem.problem import TOLERANCE, Problem
+from mofit.runtime.parallel import shared_map
 from mofit.simulation import ExperimentData, Simulator, experiment_data, require
 from mofit.simulation.requirements import analysed
 from mofit.simulation.scoped_simulator import ScopedSimulator
@@ -65,7 +66,7 @@ def build_problem(
     shared, own = scoped(ParameterSpace(model.parameters) if space is None else space)
     layout = ParameterLayout.of_model(model.parameters, shared, fixed)
     tests = campaign.measurements
-    alone = [analysed(model, test) for test in tests]
+    alone = shared_map(partial(analysed, model), tests, lambda test: test.name)
     repeats = repeated(tests)
     found = zip(tests, with_repeats(tests, alone, repeats), strict=True)
     signals = tuple(replace(analysis, lead=leads.get(test.name, 0.0)) for test, analysis in found)

@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, TypeVar
 
+from mofit.runtime.team import MOST_ITEMS, current, in_team
+
 T = TypeVar("T")
 S = TypeVar("S")
 
@@ -32,7 +34,7 @@ def may_fork() -> bool:
     The process of a batch has its cores to itself and others, and may not have children; one that `ready_beside` keeps
     ready may.
     """
-    free = _ready or multiprocessing.parent_process() is None
+    free = (_ready or multiprocessing.parent_process() is None) and not in_team()
     return sys.platform == "linux" and (os.cpu_count() or 1) > 1 and free
 
 
@@ -72,30 +74,42 @@ def forked_map(
     processes: int,
     first: Sequence[S] = (),
     tell: Callable[[int], None] = lambda number: None,
+    name: Callable[[S], str] = lambda item: type(item).__name__,
 ) -> list[T]:
-    """``[function(item) for item in items]``, computed by forked processes where that is possible.
+    """``[function(item) for item in items]``, computed by forked processes where that is possible, or by a `team`.
 
     What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
-    so that the processes end together. ``tell`` hears the number of every item whose result is awaited.
+    so that the processes end together. ``tell`` hears the number of every item whose result is awaited. The ``name`` of
+    an item tells the processes of a team that they speak of the same.
     """
 
     def awaited(number: int, answer: Callable[[], T]) -> T:
         tell(number)
         return answer()
 
-    processes = min(processes, len(items))
+    processes, several = min(processes, len(items)), current()
+    longest = {id(item) for item in first}
+    order = sorted(range(len(items)), key=lambda number: id(items[number]) not in longest)
+    if processes > 1 and several is not None and len(items) <= MOST_ITEMS:
+        return several.map(function, items, order, name, tell)
     if processes < 2 or not may_fork():
         return [awaited(number, partial(function, item)) for number, item in enumerate(items)]
     with _forked(processes, _remember_as_one_of, lambda number: function(items[number])) as pool:
-        longest = {id(item) for item in first}
-        order = sorted(range(len(items)), key=lambda number: id(items[number]) not in longest)
         answers = {number: _answer(pool, partial(function, items[number]), _compute, number) for number in order}
         return [awaited(number, answers[number]) for number in range(len(items))]
 
 
+def shared_map(function: Callable[[S], T], items: Sequence[S], name: Callable[[S], str]) -> list[T]:
+    """``[function(item) for item in items]``, shared by a team if there is one: no process is forked for it."""
+    several = current()
+    if several is None or not 1 < len(items) <= MOST_ITEMS:
+        return [function(item) for item in items]
+    return several.map(function, items, range(len(items)), name, lambda number: None)
+
+
 def threads(jobs: int) -> int:
-    """So many, but one in a process of `forked_map`: the others have the other cores."""
-    return 1 if _one_of_several else jobs
+    """So many, but one in a process of `forked_map` or of a team: the others have the other cores."""
+    return 1 if _one_of_several or in_team() else jobs
 
 
 def processor_time() -> float:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.models import System
+from mofit.runtime.parallel import threads
 from mofit.simulation.compiler.loop import JOB_FIELDS, Shape
 from mofit.simulation.compiler.machine import host
 from mofit.simulation.experiment import ExperimentData
@@ -326,7 +327,7 @@ class Scheduler:
         counter = ctypes.c_int64(0)
         arguments = (records.ctypes.data, len(records), ctypes.addressof(counter))
         helpers: list[Future[None]] = []
-        if (count := min(self.jobs, len(records)) - 1) > 0:
+        if (count := min(threads(self.jobs), len(records)) - 1) > 0:
             pool = _threads(os.getpid(), self.jobs - 1)
             helpers = [pool.submit(entry, *arguments) for _ in range(count)]
         entry(*arguments)
