@@ -15,19 +15,19 @@ from typing import Any
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.candidates import Candidate, prepare
+from mofit.diagnosis.candidates import Candidate, effects_moving, prepare, prepared_at
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.hypothesis import hypothesis
 from mofit.diagnosis.refit import NotFittedError, refit, refit_from
 from mofit.diagnosis.residual_tests import remember, residual_tests
-from mofit.diagnosis.score_test import ScoreTest
+from mofit.diagnosis.score_test import ScoreTest, score_tests
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect
 from mofit.models.model import TIME
 from mofit.optimize import Minimum
 from mofit.parameters import Parameter
-from mofit.runtime.parallel import forked_map
+from mofit.runtime.parallel import forked_map, shared_map
 from mofit.runtime.progress import Progress
 from mofit.simulation.ranges import with_parameters
 
@@ -79,6 +79,28 @@ def prepared(fitted: Fitted, effects: Sequence[Effect], progress: Progress) -> l
         Candidate(tuple(part.of_effect(effect) for part in parts), *rest)
         for effect, (parts, *rest) in zip(effects, found, strict=True)
     ]
+
+
+def scored(models: Sequence[Fitted], candidates: Sequence[Candidate]) -> list[list[ScoreTest]]:
+    """The score tests of candidates at every model; see `mofit.diagnosis.score_test.score_tests`."""
+    known = {one.name: one for one in candidates}
+    moving = [model for model in models if any(effects_moving(model, one.effect.needs) for one in candidates)]
+    still = [model for model in models if model not in moving]
+
+    def sent(model: Fitted) -> list[tuple[str, dict[str, Any]]]:
+        found = [(one.name, dict(vars(one))) for one in score_tests(model, candidates)]
+        for _, values in found:
+            del values["candidate"]
+        return found
+
+    found = shared_map(sent, still, lambda model: " + ".join(map(_name, model.hypothesis.effects)))
+    tests = {
+        id(model): [ScoreTest(candidate=known[name], **values) for name, values in own]
+        for model, own in zip(still, found, strict=True)
+    }
+    # a candidate that is prepared anew for a model stays where that was done
+    own = {id(model): score_tests(model, prepared_at(model, candidates)) for model in moving}
+    return [(tests | own)[id(model)] for model in models]
 
 
 def refitted(

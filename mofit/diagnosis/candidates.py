@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -76,22 +76,10 @@ class Candidate:
         """Name of the effect."""
         return self.effect.name
 
-    @cached_property
-    def stable(self) -> NDArray[np.bool_]:
-        """Where its states can be integrated, (G,)."""
-        return np.array([bool(stable(columns)) for columns in self.sensitivities])
-
     @property
     def integrates(self) -> bool:
         """Whether its states can be integrated at any point of its grid."""
-        return bool(self.stable.any())
-
-    @cached_property
-    def products(self) -> FloatArray:
-        """S'S at the points of the grid, and between each and the next, (2, G, c, c); zero where it is not stable."""
-        columns = np.where(self.stable[:, None, None], self.sensitivities, 0.0)
-        turned = columns.transpose(0, 2, 1)
-        return np.stack([turned @ columns, turned @ np.roll(columns, -1, axis=0)])
+        return any(stable(columns) for columns in self.sensitivities)
 
     @property
     def signs(self) -> tuple[int, ...]:

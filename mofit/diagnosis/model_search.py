@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mofit.diagnosis.accounts import Account, accounts_of, promising
-from mofit.diagnosis.beside import refitted, refitted_from
+from mofit.diagnosis.beside import refitted, refitted_from, scored
 from mofit.diagnosis.candidate_model import CandidateModel, doubt_of_constants, rated
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
 from mofit.diagnosis.fitting import Fitted
@@ -267,7 +267,7 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
     scores = [state.score_tests_at(level[0].fitted)]
     left = min([residual_tests(level[0].fitted).p_value, *(one.p_holm for one in scores[0])])
     if left < settings.one_more_p_value:
-        scores += [state.score_tests_at(one.fitted) for one in level[1:]]
+        scores += scored([one.fitted for one in level[1:]], state.candidates)
         if only_moved:
             moved = [state.moved_by(one.fitted) for one in level]
             scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]

@@ -39,14 +39,10 @@ class Projection:
         padded[: len(columns)] = columns
         return padded - self.basis @ (self.basis[: len(columns)].T @ columns)
 
-    def along(self, columns: FloatArray) -> FloatArray:
-        """Q' times columns (..., m, k) on the rows of the tests, (..., f, k)."""
-        return self.basis[: columns.shape[-2]].T @ columns
-
-    def absorbed(self, along: FloatArray) -> FloatArray:
-        """Shift of all parameters (d,), in unit coordinates, that compensates best for what is so much `along` (f,)."""
+    def absorbed(self, column: FloatArray) -> FloatArray:
+        """Shift of all parameters (d,), in unit coordinates, that compensates best for rows (m,) added to the data."""
         shift = np.zeros(len(self.free))
-        shift[self.free] = np.linalg.solve(self.triangle, along)
+        shift[self.free] = np.linalg.solve(self.triangle, self.basis[: len(column)].T @ column)
         return shift
 
     @property

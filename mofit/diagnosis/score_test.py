@@ -15,6 +15,7 @@ from mofit.data.signals import thin_svd
 from mofit.diagnosis.candidates import Candidate
 from mofit.diagnosis.discrepancy import Discrepancy
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.integration import stable
 from mofit.diagnosis.projection import Projection, project
 from mofit.models import Effect
 
@@ -140,55 +141,44 @@ def holm(p: Sequence[float]) -> list[float]:
 
 
 def _score(projection: Projection, freedom: FloatArray, candidate: Candidate) -> ScoreTest:
-    """The score test with degrees of freedom of the noise of every row (rows,).
-
-    From products of columns: M S itself would be as long as all tests, at every point of the grid.
-    """
-    columns, signs, points = candidate.sensitivities, candidate.signs, len(candidate.sensitivities)
+    """The score test with degrees of freedom of the noise of every row (rows,)."""
+    signs, points = candidate.signs, len(candidate.sensitivities)
     statistics, left, ranks = np.zeros(points), np.zeros(points), np.full(points, len(signs))
     sizes, sds = np.zeros((points, len(signs))), np.full((points, len(signs)), np.inf)
-    along, (whole, to_next) = projection.along(columns), candidate.products
-    residual = projection.residual[: columns.shape[1]]
-    normal = whole - along.transpose(0, 2, 1) @ along
-    power = np.trace(whole, axis1=1, axis2=2)
-    usable = list[int]()
-    for i in np.flatnonzero(candidate.stable):
-        left[i] = max(float(np.trace(normal[i])), 0.0) / max(float(power[i]), np.finfo(float).tiny)
-        if left[i] < _LEAST_LEFT**2:
+    directions: list[FloatArray] = []
+    for i, columns in enumerate(candidate.sensitivities):
+        rest = projection.apply(columns)
+        left[i] = float(np.sum(rest**2)) / max(float(np.sum(columns**2)), np.finfo(float).tiny)
+        normal = rest.T @ rest
+        if not stable(columns) or left[i] < _LEAST_LEFT**2:
             continue
         if candidate.columns.scoped:  # what all tests have in common the model may have already
-            sizes[i], statistics[i], ranks[i] = _dependent(projection.apply(columns[i]), projection.residual)
+            sizes[i], statistics[i], ranks[i] = _dependent(rest, projection.residual)
             continue
-        if not np.linalg.cond(normal[i]) < 1e12:
+        if not np.linalg.cond(normal) < 1e12:
             continue
-        sizes[i] = np.linalg.solve(normal[i], columns[i].T @ residual)
+        sizes[i] = np.linalg.solve(normal, rest.T @ projection.residual)
         wrong = any(sign * part < 0 for sign, part in zip(signs, sizes[i], strict=True))
-        statistics[i] = 0.0 if wrong else float(sizes[i] @ normal[i] @ sizes[i])
-        sds[i] = np.sqrt(np.diag(np.linalg.inv(normal[i])))
-        usable.append(int(i))
+        statistics[i] = 0.0 if wrong else float(sizes[i] @ normal @ sizes[i])
+        sds[i] = np.sqrt(np.diag(np.linalg.inv(normal)))
+        directions.append(rest / np.linalg.norm(rest))
     best = int(np.argmax(statistics))
+    biases = [projection.absorbed(columns @ size) for columns, size in zip(candidate.sensitivities, sizes, strict=True)]
     # degrees of freedom behind the rows that matter (Satterthwaite)
-    squares = np.sum(projection.apply(columns[best]) ** 2, axis=1)
-    behind = float(1 / np.sum(squares / squares.sum() / freedom)) if squares.sum() > 0 else 1.0
-    cosines = [_cosine(columns, along, to_next, normal, i, j) for i, j in pairwise(usable)] if len(signs) == 1 else []
+    power = np.sum(projection.apply(candidate.sensitivities[best]) ** 2, axis=1)
+    behind = float(1 / np.sum(power / power.sum() / freedom)) if power.sum() > 0 else 1.0
     return ScoreTest(
         candidate=candidate,
         best=best,
         statistic=float(statistics[best]),
         statistics=statistics,
-        p_value=supremum_p_value(float(statistics[best]), signs[: ranks[best]], cosines, len(usable), behind),
+        p_value=supremum_p_value(float(statistics[best]), signs[: ranks[best]], directions, behind),
         p_holm=1.0,
         sizes=sizes,
-        biases=np.array([projection.absorbed(own @ size) for own, size in zip(along, sizes, strict=True)]),
+        biases=np.array(biases),
         size_sd=sds[best],
         confounding=float(1 - left[best]),
     )
-
-
-def _cosine(columns: FloatArray, along: FloatArray, to_next: FloatArray, normal: FloatArray, i: int, j: int) -> float:
-    """Cosine of the angle between the directions M S at two points of the grid, of one column each."""
-    whole = to_next[i, 0, 0] if j == i + 1 else columns[i, :, 0] @ columns[j, :, 0]
-    return float((whole - along[i, :, 0] @ along[j, :, 0]) / np.sqrt(normal[i, 0, 0] * normal[j, 0, 0]))
 
 
 def _dependent(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, float, int]:
@@ -201,7 +191,7 @@ def _dependent(columns: FloatArray, residual: FloatArray) -> tuple[FloatArray, f
 
 
 def supremum_p_value(
-    statistic: float, signs: Sequence[int], cosines: Sequence[float], points: int, degrees_of_freedom: float
+    statistic: float, signs: Sequence[int], directions: Sequence[FloatArray], degrees_of_freedom: float
 ) -> float:
     r"""p-value of the largest T over a grid.
 
@@ -218,10 +208,8 @@ def supremum_p_value(
         The largest T.
     signs
         Per size component: 1 or -1 where only that sign is possible, else 0.
-    cosines
-        Of the angles between the directions M S at neighbouring points of the grid, of one column each.
-    points
-        Number of points of the grid.
+    directions
+        M S at the points of the grid, of unit length, (rows, q) each.
     degrees_of_freedom
         Of the noise estimate.
 
@@ -233,11 +221,11 @@ def supremum_p_value(
         return 1.0
     single = float(fisher.sf(statistic / len(signs), len(signs), degrees_of_freedom))
     if len(signs) > 1:
-        return min(max(points, 1) * single, 1.0)
+        return min(max(len(directions), 1) * single, 1.0)
     half = 0.5 if signs[0] else 1.0
-    inner = np.clip(cosines, -1.0, 1.0)
+    inner = [float(np.clip(np.sum(a * b), -1.0, 1.0)) for a, b in pairwise(directions)]
     angle = float(np.sum(np.arccos(np.abs(inner) if not signs[0] else inner)))
     # the normal quantile of the same probability replaces z: the noise is estimated
     z = -float(ndtri(max(0.5 * single, 1e-300)))
     bound = half * (single + angle / np.pi * float(np.exp(-0.5 * z**2)))
-    return min(bound, half * points * single, 1.0)
+    return min(bound, half * len(directions) * single, 1.0)

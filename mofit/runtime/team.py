@@ -228,7 +228,7 @@ def _fork(number: int, given: int) -> bool:
     os.close(given)
     for link in (here, *_team.links.values()):
         link.close()
-    silent = Path(os.devnull).open("w")  # as long as the process lives
+    silent = Path(os.devnull).open("w")  # noqa: SIM115  as long as the process lives
     for stream in (1, 2):
         os.dup2(silent.fileno(), stream)
     sys.stdout = sys.stderr = silent

@@ -68,8 +68,9 @@ def test_holm_by_hand() -> None:
 
 @given(st.floats(0.1, 40.0))
 def test_p_value_of_one_point_is_chi_square(statistic: float) -> None:
-    assert supremum_p_value(statistic, (0,), [], 1, 1e9) == pytest.approx(chi2.sf(statistic, 1), rel=1e-6)
-    assert supremum_p_value(statistic, (1,), [], 1, 1e9) == pytest.approx(norm.sf(np.sqrt(statistic)), rel=1e-6)
+    direction = [np.array([[1.0], [0.0]])]
+    assert supremum_p_value(statistic, (0,), direction, 1e9) == pytest.approx(chi2.sf(statistic, 1), rel=1e-6)
+    assert supremum_p_value(statistic, (1,), direction, 1e9) == pytest.approx(norm.sf(np.sqrt(statistic)), rel=1e-6)
 
 
 def test_p_value_over_a_grid_holds_its_level(rng: np.random.Generator) -> None:
@@ -79,7 +80,7 @@ def test_p_value_over_a_grid_holds_its_level(rng: np.random.Generator) -> None:
     largest = np.max(np.concatenate(paths, axis=1).T @ rng.standard_normal((2, 400_000)), axis=0)
     for level in (4.0, 9.0):
         chance = np.mean(largest > np.sqrt(level))
-        bound = supremum_p_value(level, (1,), np.cos(np.diff(angles)).tolist(), len(angles), 1e9)
+        bound = supremum_p_value(level, (1,), paths, 1e9)
         assert chance * 0.9 <= bound <= 1.5 * chance
 
 
