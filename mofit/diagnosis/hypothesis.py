@@ -170,12 +170,6 @@ class Hypothesis:
         size = max(_NUMBERS // (len(self.observed.measured) * (len(self.space) + 1)), 1)
         return (self.linear(u[start : start + size]) for start in range(0, len(u), size))
 
-    def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss–Newton Hessian (K, d, d)."""
-        parts = [part.normal_equations() for part in self.linear_parts(u)]
-        value, gradient, hessian = (np.concatenate(found) for found in zip(*parts, strict=True))
-        return value, gradient, hessian
-
     def with_steps(self, steps: int) -> Hypothesis:
         """The hypothesis with so many integration steps per sampling interval."""
         return replace(self, simulator=self.simulator.with_steps(steps))

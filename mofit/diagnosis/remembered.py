@@ -21,7 +21,7 @@ class Remembered:
         self._rows: tuple[FloatArray, FloatArray] | None = None
 
     def evaluate(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """`Hypothesis.evaluate`."""
+        """Negative log posterior (K,) up to a constant, gradient (K, d) and Gauss–Newton Hessian (K, d, d)."""
         places = [point.tobytes() for point in u]
         fresh = u[[place not in self._known for place in places]]
         before = 0

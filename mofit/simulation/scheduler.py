@@ -8,7 +8,6 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cache
 from itertools import chain
 
@@ -19,15 +18,13 @@ from mofit._typing import FloatArray
 from mofit.models import System
 from mofit.runtime.parallel import threads
 from mofit.simulation.compiler.loop import JOB_FIELDS, Shape
-from mofit.simulation.compiler.machine import host
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import free_first
 from mofit.simulation.kernel import Kernel, Table
+from mofit.simulation.loop_jobs import Block, Job, lane_counts, room
 from mofit.simulation.table_cache import TableCache
 from mofit.simulation.time_grid import StepChoice, StepLevel
 
-#: up to so many vectors carried from sample to sample, four registers for each still pay
-_FEW_CARRIED = 20
 #: more sets of values of the parameters that are not free than this, and they go into lanes
 _MANY_SETS = 4
 #: bytes of tables and results that are worked on together
@@ -41,64 +38,6 @@ _MOST_STEPS = 300_000
 KernelKey = tuple[str, bool, bool, bool]
 #: kernel, test (or those of the lanes), steps, fixed parameters
 TableKey = tuple[KernelKey, ExperimentData | tuple[ExperimentData, ...], int, bytes]
-#: test, its parameter sets, and where they are in the result of a job: the last axis
-_End = tuple[int, NDArray[np.intp], slice]
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Parameter sets that go through a test together, padded to full lanes by repeating the last."""
-
-    rows: NDArray[np.intp]
-    level: StepLevel
-    lanes: int
-    parameters: FloatArray  # (np, L): free, then fixed
-    fixed_per_lane: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _Job:
-    """What a loop runs through, and where its result goes."""
-
-    samples: int
-    steps: int
-    parameters: FloatArray  # (np, L): free, then fixed
-    table: Table
-    entry: Callable[..., None]
-    data: FloatArray | None
-    """What is measured; None for loops that do not read it."""
-    result: FloatArray
-    kept: int
-    ends: Sequence[_End]
-
-    @property
-    def record(self) -> tuple[int, ...]:
-        """The addresses that the compiled loop takes, see `loop.JOB_FIELDS`."""
-        constant, rows, counts, substep_rows = self.table.addresses
-        data = 0 if self.data is None else self.data.ctypes.data
-        return (
-            self.samples, self.parameters.ctypes.data, constant, rows, data, counts, substep_rows,
-            self.result.ctypes.data, self.kept,
-        )  # fmt: skip
-
-
-def _lane_counts(shape: Shape) -> tuple[int, int]:
-    """Lanes of a small and of a large block: enough to hide latency, as few as registers suffice for.
-
-    A step is a chain of dependent operations. Without derivatives two registers side by side take no longer
-    than one, and four little longer; with many sums to carry along there is enough to do beside, and two spill.
-    """
-    width = host().width
-    if not shape.derivatives:
-        return 2 * width, 4 * width
-    carried = shape.states * shape.columns + shape.sums
-    return width, 4 * width if carried <= _FEW_CARRIED else width
-
-
-def _room(shape: tuple[int, ...], lanes: int) -> FloatArray:
-    """An array for what a loop stores; the last vector of lanes reaches beyond its end."""
-    count = math.prod(shape)
-    return np.empty(count + lanes)[:count].reshape(shape)
 
 
 @cache
@@ -170,12 +109,12 @@ class Scheduler:
 
     def _blocks(
         self, p: FloatArray, choices: Sequence[StepChoice], derivatives: bool, tests: Sequence[int]
-    ) -> list[tuple[int, _Block]]:
+    ) -> list[tuple[int, Block]]:
         """The batch in blocks that share a test (its index), the fixed parameters and the step level."""
         alike: dict[int, list[int]] = {}  # the same choice for several tests is the same blocks
         for test in tests:
             alike.setdefault(id(choices[test]) if p.ndim == 2 or self._fixed_per_lane else test, []).append(test)
-        blocks: dict[int, list[_Block]] = {}
+        blocks: dict[int, list[Block]] = {}
         for own in alike.values():
             sets = p[:, own] if p.ndim == 3 else p[:, None]
             found = self._cut(sets, choices[own[0]], derivatives)
@@ -193,7 +132,7 @@ class Scheduler:
             # a step of no length is none for an implicit method
             if len(choice.levels) == 1 and choice.levels[0].scheme.explicit and not choice.taken.any():
                 alike.setdefault(choice.levels[0], []).append(test)
-        lanes, found = _lane_counts(self._shape(derivatives))[0], list[tuple[StepLevel, list[int]]]()
+        lanes, found = lane_counts(self._shape(derivatives))[0], list[tuple[StepLevel, list[int]]]()
         for level, tests in alike.items():
             samples = [experiments[test].samples for test in tests]
             longest = [tests[at] for at in np.argsort(samples, kind="stable")[::-1]]
@@ -211,9 +150,9 @@ class Scheduler:
         level: StepLevel,
         tests: Sequence[int],
         derivatives: bool,
-    ) -> Iterator[_Job]:
+    ) -> Iterator[Job]:
         """A job per parameter set, for tests side by side; the last one fills the lanes that are left."""
-        shape, lanes = self._shape(derivatives), _lane_counts(self._shape(derivatives))[0]
+        shape, lanes = self._shape(derivatives), lane_counts(self._shape(derivatives))[0]
         key, every = (level.scheme.name, derivatives, False, True), [*tests, *[tests[-1]] * (lanes - len(tests))]
         kernel, own = self._kernel(key, level), tuple(experiments[test] for test in tests)
         known = (key, own, level.steps, b"")
@@ -224,9 +163,9 @@ class Scheduler:
             parameters = np.ascontiguousarray(sets.T)
             result = np.empty((samples, shape.columns, shape.outputs, lanes))
             ends = [(test, np.array([number]), slice(lane, lane + 1)) for lane, test in enumerate(tests)]
-            yield _Job(samples, level.steps, parameters, table, entry, None, result, lanes, ends)
+            yield Job(samples, level.steps, parameters, table, entry, None, result, lanes, ends)
 
-    def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[list[_Block]]:
+    def _cut(self, p: FloatArray, choice: StepChoice, derivatives: bool) -> list[list[Block]]:
         """The blocks of each of several tests, from their parameter sets (N, tests, np)."""
         ordered = p[..., self._order]
         fixed = ordered[:, 0, len(self.free) :]
@@ -235,9 +174,9 @@ class Scheduler:
             sets, group = np.unique(fixed, axis=0, return_inverse=True)
             per_lane = len(sets) > _MANY_SETS
             group = np.zeros_like(group) if per_lane else group.ravel()
-        small, large = _lane_counts(self._shape(derivatives))
+        small, large = lane_counts(self._shape(derivatives))
         small = large if self._one_loop else small
-        found: list[list[_Block]] = [[] for _ in range(p.shape[1])]
+        found: list[list[Block]] = [[] for _ in range(p.shape[1])]
         for number in np.unique(choice.taken[choice.taken >= 0]):
             for which in np.unique(group[choice.taken == number]):
                 rows = np.flatnonzero((choice.taken == number) & (group == which))
@@ -247,7 +186,7 @@ class Scheduler:
                     padded = np.concatenate([taken, np.full(lanes - len(taken), taken[-1])])
                     values = np.ascontiguousarray(ordered[padded].transpose(1, 2, 0))
                     for own, parameters in zip(found, values, strict=True):
-                        own.append(_Block(taken, choice.levels[number], lanes, parameters, per_lane))
+                        own.append(Block(taken, choice.levels[number], lanes, parameters, per_lane))
         return found
 
     def _kernel(self, key: KernelKey, level: StepLevel) -> Kernel:
@@ -256,7 +195,7 @@ class Scheduler:
         return self._kernels[key]
 
     def _table(
-        self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: _Block, used: set[TableKey]
+        self, key: KernelKey, kernel: Kernel, experiment: ExperimentData, block: Block, used: set[TableKey]
     ) -> Table:
         """The table of a test for a block's level and fixed parameters; those that this call has ``used`` stay."""
         fixed = block.parameters[len(self.free) :, 0]
@@ -272,7 +211,7 @@ class Scheduler:
         derivatives: bool,
         reduce: bool,
         tests: Sequence[int] | None = None,
-    ) -> Iterator[_Job]:
+    ) -> Iterator[Job]:
         """A job per block of parameter sets of every test, or of some."""
         shape, used = self._shape(derivatives), set[TableKey]()
         data, of = None, -1
@@ -286,17 +225,17 @@ class Scheduler:
                 data, of = (data, of) if test == of else (experiment.packed(), test)
                 result = np.empty((shape.sums, block.lanes))
             else:
-                result = _room((experiment.samples, shape.columns, shape.outputs, kept), block.lanes)
+                result = room((experiment.samples, shape.columns, shape.outputs, kept), block.lanes)
             ends = [(test, block.rows, slice(None))]
             steps = block.level.steps
-            yield _Job(experiment.samples, steps, block.parameters, table, code.entry, data, result, kept, ends)
+            yield Job(experiment.samples, steps, block.parameters, table, code.entry, data, result, kept, ends)
 
-    def _run(self, wanted: Iterable[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+    def _run(self, wanted: Iterable[Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
         """Test, parameter sets and result of every job: (sums, L) or (samples, 1 + nf, outputs, sets).
 
         So many at once as memory allows.
         """
-        jobs, load, seen = list[_Job](), 0, set[int]()
+        jobs, load, seen = list[Job](), 0, set[int]()
         for job in wanted:
             jobs.append(job)
             load += job.result.nbytes
@@ -308,9 +247,9 @@ class Scheduler:
                 jobs, load, seen = [], 0, set()
         yield from self._done(jobs)
 
-    def _done(self, jobs: Sequence[_Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
+    def _done(self, jobs: Sequence[Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:
         """The results of jobs that run together."""
-        entries: dict[int, list[_Job]] = {}
+        entries: dict[int, list[Job]] = {}
         for job in jobs:
             entries.setdefault(id(job.entry), []).append(job)
         for members in entries.values():

@@ -13,6 +13,7 @@ from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods, repeats
 from mofit.diagnosis.fitting import fit, of_few_periods
 from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
+from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.whitening import whitening
 from mofit.models import Applied, Channel, Effect, find_effect
 from mofit.optimize import RefineSettings
@@ -94,8 +95,8 @@ def test_the_squares_are_those_of_all_periods() -> None:
     assert few is not None
     samples = [sum(one.samples for one in each.simulator.experiments) for each in (few.hypothesis, model)]
     assert samples[0] < 0.5 * samples[1]
-    whole = model.evaluate(point[None])[0][0]
-    assert few.hypothesis.evaluate(point[None])[0][0] + few.left_out == pytest.approx(whole, rel=0.01)
+    whole = Remembered(model).evaluate(point[None])[0][0]
+    assert Remembered(few.hypothesis).evaluate(point[None])[0][0] + few.left_out == pytest.approx(whole, rel=0.01)
     assert at_steps_for(model, point[None]).steps == model.at_steps_for(point[None]).steps
 
 
@@ -107,9 +108,9 @@ def test_beside_a_fit_few_periods_tell_of_another_model_what_all_tell() -> None:
     few = few_periods(model)
     assert few is not None
     beside = replace(few.hypothesis, observed=brief.hypothesis.observed)
-    less = model.evaluate(point[None])[0][0] - fitted.minimum.value
+    less = Remembered(model).evaluate(point[None])[0][0] - fitted.minimum.value
     assert abs(less) > 50
-    assert beside.evaluate(point[None])[0][0] - brief.minimum.value == pytest.approx(less, rel=0.01)
+    assert Remembered(beside).evaluate(point[None])[0][0] - brief.minimum.value == pytest.approx(less, rel=0.01)
     # what it leaves is what repeats of that of the whole tests, in the samples that smoothing reads, too
     observed, short, rows = (
         fitted.hypothesis.observed,
@@ -155,7 +156,7 @@ def test_the_minimum_is_that_of_all_periods(effect: str, values: tuple[float, ..
     model = model.at_steps_for(point[None])
     starts = np.stack([point, np.clip(point + 0.05, 0, 1)])
     found = fit(model, starts)
-    expected = best_minimum(model.evaluate, starts, RefineSettings())
+    expected = best_minimum(Remembered(model).evaluate, starts, RefineSettings())
     assert found.minimum.value == pytest.approx(expected.value, abs=5e-3)
     sd = found.sd()
     assert np.all(np.abs(found.minimum.point - expected.point) <= 0.1 * sd + 1e-6)
@@ -206,5 +207,5 @@ def test_what_does_not_repeat_is_fitted_to_all_periods() -> None:
     observed = damper_fit().hypothesis.observed
     model = hypothesis(observed, observed.stages.discrepancies(WarmDamping())[:1])
     starts = np.append(damper_fit().minimum.point, 0.3)[None] + np.array([[0.0], [0.01]])
-    found, expected = fit(model, starts), best_minimum(model.evaluate, starts, RefineSettings())
+    found, expected = fit(model, starts), best_minimum(Remembered(model).evaluate, starts, RefineSettings())
     assert found.minimum.value == pytest.approx(expected.value, abs=5e-3)

@@ -11,6 +11,7 @@ from mofit.diagnosis.discrepancy import CalibrationStages
 from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
 from mofit.diagnosis.input_rates import InputRates
 from mofit.diagnosis.integration import DIVERGED, each_with_enough_steps, with_enough_steps
+from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.whitened_data import whiten
 from mofit.identification.calibration import calibrate
 from mofit.models import find_effect, find_model
@@ -88,7 +89,7 @@ def test_steps_are_fine_enough_for_the_derivatives_too() -> None:
 def test_a_failed_simulation_is_nan_and_leaves_the_others_alone() -> None:
     fitted = damper_fit()
     point = fitted.minimum.point
-    value, gradient, hessian = fitted.hypothesis.evaluate(np.stack([point, point * np.nan]))
+    value, gradient, hessian = Remembered(fitted.hypothesis).evaluate(np.stack([point, point * np.nan]))
     assert value[0] == pytest.approx(fitted.minimum.value)
     assert np.isnan(value[1])
     assert np.isfinite(gradient).all()

@@ -12,6 +12,7 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.model_search import Attribution, attribute, best_extensions
 from mofit.diagnosis.refit import is_reliable, refit, refit_from, settled
+from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.score_test import score_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.models import find_effect
@@ -85,7 +86,7 @@ def test_a_fit_goes_on_from_where_another_model_ended():
     own = np.arange(len(right.minimum.point)) < right.hypothesis.own
     off = np.where(own, np.random.default_rng(1).uniform(size=len(own)), right.minimum.point)
     astray = replace(right, minimum=replace(right.minimum, point=off))
-    assert right.minimum.value < astray.hypothesis.evaluate(off[None])[0][0] - 1e3
+    assert right.minimum.value < Remembered(astray.hypothesis).evaluate(off[None])[0][0] - 1e3
     assert right.minimum.value == pytest.approx(refit_from(astray, larger).minimum.value, abs=1e-2)
 
 
