@@ -19,7 +19,7 @@ from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.residual_tests import residual_tests
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import HALF, Shrinkage
-from mofit.diagnosis.term_search import each_searched, in_all_periods, simplest
+from mofit.diagnosis.term_search import in_all_periods, searched, simplest
 from mofit.diagnosis.term_selection import noise_of_folds, prediction_errors
 from mofit.diagnosis.term_trial import Trial, estimated
 from mofit.diagnosis.terms import TermEffect
@@ -141,7 +141,7 @@ def propose(
     if not least > 0:
         return "it is not larger than the noise of the records"
     progress("proposed term", 0, 1, " + ".join(one.name for one in starts[-1].hypothesis.effects))
-    trials = each_searched([of_few_periods(start) for start in starts], least)
+    trials = [searched(of_few_periods(start), least) for start in starts]
     best = simplest(trials, least)
     best = in_all_periods(starts[trials.index(best)], best)
     if best.effect is None:

@@ -11,7 +11,7 @@ from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.smoothed_motion import fitted_readings, readings_without, smoothed_readings
 from mofit.diagnosis.term_rows import Reading, term_columns, term_functions
 from mofit.diagnosis.term_selection import MOST_TERMS, Selection, fewest, prediction_errors, selections
-from mofit.diagnosis.term_trial import Joint, SentTrial, Trial, fitted_jointly
+from mofit.diagnosis.term_trial import Joint, Trial, fitted_jointly
 from mofit.diagnosis.terms import Term, hysteresis_terms, memory_terms, static_terms
 from mofit.runtime.parallel import forked_map
 
@@ -26,20 +26,6 @@ _NUMBERS = 3e6
 _ROUNDS = 8
 #: Share of the least squares to remove up to which fits are equal: half a per cent of the gap.
 _EQUAL = 0.25
-
-
-def each_searched(starts: Sequence[Fitted], least: float) -> list[Trial]:
-    """`searched` from every start, side by side where each keeps a process busy."""
-
-    def sent(start: Fitted) -> SentTrial | None:
-        best = searched(start, least)
-        return None if best.effect is None else SentTrial.of(best)
-
-    count = starts[0].hypothesis.observed.processes
-    if not 1 < count <= len(starts):
-        return [searched(start, least) for start in starts]
-    pairs = zip(starts, forked_map(sent, starts, count), strict=True)
-    return [one.beside(start) if one else Trial(start, None, prediction_errors(start)) for start, one in pairs]
 
 
 def searched(start: Fitted, least: float) -> Trial:

@@ -18,7 +18,7 @@ from mofit.data import Campaign, read_campaign, write_campaign
 from mofit.diagnosis.baseline import baseline_in_wide_ranges
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
-from mofit.diagnosis.fitting import Fitted, fit_to
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.inner_signals import Target, Variable, inner_signals
 from mofit.diagnosis.integration import SimulatorCache
 from mofit.diagnosis.pages import diagnosis_page
@@ -26,12 +26,13 @@ from mofit.diagnosis.proposal import Proposal, propose
 from mofit.diagnosis.result import summary
 from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.term_curve import term_curves
-from mofit.diagnosis.term_search import each_searched, searched
+from mofit.diagnosis.term_search import searched
 from mofit.diagnosis.terms import proposed, static_terms
 from mofit.identification.settings import Settings
 from mofit.models import build_system, find_effect, find_model, with_effects
 from mofit.problem import build_problem
 from mofit.runtime.progress import silent
+from mofit.runtime.team import team
 
 #: Simulated: sines, steps and a quasi-static test.
 PAPER = Path(__file__).parents[2] / "data" / "paper_campaign.nc"
@@ -68,19 +69,20 @@ def test_an_unknown_exponent_is_found_with_its_size() -> None:
     assert found.low > 0.95
 
 
-def test_searches_side_by_side_find_what_each_finds_alone() -> None:
+def test_a_team_finds_what_one_process_finds() -> None:
     campaign, processes = strangers.damper(strangers.DAMPERS["root stiffness"]), 2
     start, _ = baseline_in_wide_ranges(
         find_model("kelvin_voigt_damper"), campaign, SETTINGS, simulators=SimulatorCache(processes)
     )
-    starts, least = [start, fit_to(start.hypothesis.observed.without_stages(), start)], 1e-4
-    for alone, beside in zip([searched(one, least) for one in starts], each_searched(starts, least), strict=True):
-        assert alone.effect is not None
-        assert beside.effect is not None
-        assert alone.placed == beside.placed
-        np.testing.assert_array_equal(alone.errors, beside.errors)
-        np.testing.assert_array_equal(alone.fitted.jacobian, beside.fitted.jacobian)
-        assert beside.fitted.values == alone.fitted.values
+    alone = searched(start, 1e-4)
+    with team(processes):
+        together = searched(start, 1e-4)
+    assert alone.effect is not None
+    assert together.effect is not None
+    assert alone.placed == together.placed
+    np.testing.assert_array_equal(alone.errors, together.errors)
+    np.testing.assert_array_equal(alone.fitted.jacobian, together.fitted.jacobian)
+    assert together.fitted.values == alone.fitted.values
 
 
 def test_a_stop_is_found_where_it_stands() -> None:
