@@ -119,22 +119,22 @@ class Team:
         self, what: bytes, own: dict[int, _Outcome], function: Callable[[S], T], items: Sequence[S]
     ) -> dict[int, _Outcome]:
         """All outcomes, in the first process; what a lost one leaves is computed here."""
-        every = dict(own)
+        every, known = dict(own), dict[tuple[int, int], dict[int, _Outcome]]()
         for member, link in list(self.links.items()):
             try:
-                theirs, found = pickle.loads(link.recv_bytes())
+                theirs, known[member] = pickle.loads(link.recv_bytes())
             except (EOFError, OSError):
-                theirs, found = b"", {}
+                theirs, known[member] = b"", {}
             if theirs != what:  # it is gone, or went another way
                 self._dismiss(member)
                 continue
-            every |= found
+            every |= known[member]
         for number in (number for number in range(len(items)) if number not in every):
             every[number] = self._outcome(function, items[number])
-        content = pickle.dumps(every, pickle.HIGHEST_PROTOCOL) if self.links else b""
         for member, link in list(self.links.items()):
+            others = {number: one for number, one in every.items() if number not in known[member]}
             try:
-                link.send_bytes(content)
+                link.send_bytes(pickle.dumps(others, pickle.HIGHEST_PROTOCOL))
             except OSError:
                 self._dismiss(member)
         return every
@@ -148,7 +148,8 @@ class Team:
             content = pickle.dumps((what, {}))
         try:
             link.send_bytes(content)
-            return own | {n: one for n, one in pickle.loads(link.recv_bytes()).items() if n not in own}
+            # its own stay: what did not pickle comes from the first process, too
+            return pickle.loads(link.recv_bytes()) | own
         except (EOFError, OSError):
             os._exit(1)
 

@@ -95,8 +95,9 @@ class Scheduler:
         result = [np.full(shape, np.nan).transpose(0, 3, 1, 2) for shape in shapes]
         groups = self._side_by_side(experiments, p, choices, derivatives)
         alone = [test for test in range(len(experiments)) if not any(test in tests for _, tests in groups)]
+        used = set[TableKey]()
         jobs = chain(
-            *(self._of_lanes(experiments, p, level, tests, derivatives) for level, tests in groups),
+            *(self._of_lanes(experiments, p, level, tests, derivatives, used) for level, tests in groups),
             self._jobs(experiments, p, choices, derivatives, reduce=False, tests=alone),
         )
         for test, rows, values in self._run(jobs):
@@ -150,13 +151,15 @@ class Scheduler:
         level: StepLevel,
         tests: Sequence[int],
         derivatives: bool,
+        used: set[TableKey],
     ) -> Iterator[Job]:
         """A job per parameter set, for tests side by side; the last one fills the lanes that are left."""
         shape, lanes = self._shape(derivatives), lane_counts(self._shape(derivatives))[0]
         key, every = (level.scheme.name, derivatives, False, True), [*tests, *[tests[-1]] * (lanes - len(tests))]
         kernel, own = self._kernel(key, level), tuple(experiments[test] for test in tests)
         known = (key, own, level.steps, b"")
-        table = self._tables.table(known, lambda: kernel.table_of_lanes(own, lanes, level), {known})
+        used.add(known)
+        table = self._tables.table(known, lambda: kernel.table_of_lanes(own, lanes, level), used)
         entry, samples = kernel.code(table.refined, lanes, own_tables=True).entry, own[0].samples
         for number, values in enumerate(p[..., self._order]):
             sets = values[every] if values.ndim == 2 else np.broadcast_to(values, (lanes, len(values)))
