@@ -13,7 +13,8 @@ from mofit.models import System
 from mofit.simulation.compiler.evaluate import evaluate
 from mofit.simulation.compiler.loop import FIXED, Shape, compile_loop
 from mofit.simulation.compiler.machine import Code, kept
-from mofit.simulation.compiler.program import LANE, Program, Split, contract, trace
+from mofit.simulation.compiler.program import LANE, Program, contract, trace
+from mofit.simulation.compiler.split import Split
 from mofit.simulation.experiment import ExperimentData
 from mofit.simulation.integrators import GRAPH_INPUTS, Scheme, build_graph, free_first
 from mofit.simulation.lane_points import LanePoints, LaneSteps, lane_points

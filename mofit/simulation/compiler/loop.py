@@ -12,7 +12,8 @@ from llvmlite import ir
 
 from mofit.simulation.compiler.emit import F64, I64, PTR, Emitter
 from mofit.simulation.compiler.machine import Code, compile_entry, host
-from mofit.simulation.compiler.program import LANE, Split
+from mofit.simulation.compiler.program import LANE
+from mofit.simulation.compiler.split import Split
 
 #: what a job gives to the loop, eight bytes each, in this order
 JOB_FIELDS = (
