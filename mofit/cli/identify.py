@@ -201,31 +201,34 @@ def diagnose(
     out
         Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
-    from mofit.cli.diagnosis_shown import show_diagnosis
-    from mofit.cli.output import progress_bar
-    from mofit.identification.settings import Settings
-    from mofit.models.fmu import fmu_reference
-    from mofit.parameters import PER_TEST
-    from mofit.simulation.evaluation.executors import TIMEOUT
-    from mofit.workflows.jobs import Job, diagnose_file
+    from mofit.diagnosis.page_beside import page_beside
 
-    settings = Settings(
-        simulations=simulations,
-        timeout=seconds("--timeout", timeout) or TIMEOUT,
-        dask=dask,
-        bounds=range_by_name("--bounds", bounds),
-        fixed=by_name("--fix", fix),
-        scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
-        over=names(over),
-        laws=text_by_name("--law", law),
-        set_points=by_name("--set-point", set_point),
-        seed=seed,
-        jobs=cores(jobs),
-    )
-    named = fmu_reference(model, map_file, free)
-    job = Job(files, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
-    with progress_bar() as progress, ended_in(time_limit):
-        folder, found = diagnose_file(job, progress)
+    with page_beside() as drawn:  # its process imports while this one does
+        from mofit.cli.diagnosis_shown import show_diagnosis
+        from mofit.cli.output import progress_bar
+        from mofit.identification.settings import Settings
+        from mofit.models.fmu import fmu_reference
+        from mofit.parameters import PER_TEST
+        from mofit.simulation.evaluation.executors import TIMEOUT
+        from mofit.workflows.jobs import Job, diagnose_file
+
+        settings = Settings(
+            simulations=simulations,
+            timeout=seconds("--timeout", timeout) or TIMEOUT,
+            dask=dask,
+            bounds=range_by_name("--bounds", bounds),
+            fixed=by_name("--fix", fix),
+            scopes=dict.fromkeys(per_test, PER_TEST) | text_by_name("--per", per),
+            over=names(over),
+            laws=text_by_name("--law", law),
+            set_points=by_name("--set-point", set_point),
+            seed=seed,
+            jobs=cores(jobs),
+        )
+        named = fmu_reference(model, map_file, free)
+        job = Job(files, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
+        with progress_bar() as progress, ended_in(time_limit):
+            folder, found = diagnose_file(job, drawn, progress)
     if as_json:
         print_json({**found, "folder": str(folder)})
     else:

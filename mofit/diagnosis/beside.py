@@ -128,9 +128,11 @@ def refitted_from(
     return _fits(other.hypothesis.observed, wanted, progress)
 
 
-def fitted_to(observed: WhitenedData, models: Sequence[Fitted], progress: Progress) -> list[Fitted]:
+def fitted_to(
+    observed: WhitenedData, models: Sequence[Fitted], progress: Progress, limit: float = np.inf
+) -> list[Fitted]:
     """The models fitted to the tests with another noise; see `mofit.diagnosis.fitting.fit_to`."""
-    wanted = [_Wanted(one.hypothesis.effects, partial(fit_to, observed, one)) for one in models]
+    wanted = [_Wanted(one.hypothesis.effects, partial(fit_to, observed, one, limit)) for one in models]
     return [one for one in _fits(observed, wanted, progress) if isinstance(one, Fitted)]
 
 

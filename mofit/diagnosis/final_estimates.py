@@ -11,6 +11,10 @@ from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.whitened_data import WhitenedData, with_discrepancy
 from mofit.runtime.progress import Progress, silent
 
+#: Share of what the best model explains that another one must explain to be a rival (a third), or nearly so: below, how
+#: far exactly its minimum lies changes nothing.
+_NEARLY = 0.25
+
 
 def with_final_estimates(
     found: Attribution,
@@ -36,8 +40,11 @@ def with_final_estimates(
         Root mean square of what the best model leaves, relative to the output's range.
     """
     noisy = with_discrepancy(observed, remainder, everywhere=True)
-    kept = {id(one) for one in (found.best, *reported)}
-    again = [one for one in found.models if id(one) in kept]
-    baseline, *fits = fitted_to(noisy, [found.baseline, *(one.fitted for one in again)], progress)
+    baseline, best = fitted_to(noisy, [found.baseline, found.best.fitted], progress)
+    others = [one for one in found.models[1:] if any(one is other for other in reported)]
+    explained = baseline.minimum.value - best.minimum.value
+    limit = 2 * (baseline.minimum.value - _NEARLY * max(explained, 0.0))
+    fits = [best, *fitted_to(noisy, [one.fitted for one in others], progress, limit)]
+    again = [found.best, *others]
     fresh = {id(one): replace(one, fitted=fitted) for one, fitted in zip(again, fits, strict=True)}
     return replace(found, baseline=baseline, models=tuple(fresh.get(id(one), one) for one in found.models))

@@ -237,13 +237,16 @@ def _in_few_periods(fitted: Fitted) -> Fitted | None:
     return Fitted(brief, replace(fitted.minimum, value=value), here.residual[0], here.jacobian[0])
 
 
-def fit_to(observed: WhitenedData, fitted: Fitted) -> Fitted:
-    """The same model fitted to the tests with another noise, from where it is; the stages stay as they are."""
+def fit_to(observed: WhitenedData, fitted: Fitted, limit: float = np.inf) -> Fitted:
+    """The same model fitted to the tests with another noise, from where it is; the stages stay as they are.
+
+    ``limit`` is that of `fit`.
+    """
     here, old = fitted.minimum.point[None], fitted.hypothesis
     model = replace(old, observed=observed)
     if np.any(observed.variance < old.observed.variance):  # what was fine enough for less noise is for more
         model = at_steps_for(model, here, old.steps)
-    return fit(model, here)
+    return fit(model, here, limit)
 
 
 def in_wider_ranges(found: Fitted, limit: float) -> Fitted:

@@ -141,9 +141,13 @@ def propose(
     if not least > 0:
         return "it is not larger than the noise of the records"
     progress("proposed term", 0, 1, " + ".join(one.name for one in starts[-1].hypothesis.effects))
-    trials = [searched(of_few_periods(start), least) for start in starts]
+    trials = list[Trial]()
+    for start in starts:
+        trials.append(in_all_periods(start, searched(of_few_periods(start), least)))
+        # of what is simpler than any term beside the main cause, and leaves no more than the noise, nothing is better
+        if trials[-1].effect and trials[-1].parts == 1 and trials[-1].error <= noise.sum():
+            break
     best = simplest(trials, least)
-    best = in_all_periods(starts[trials.index(best)], best)
     if best.effect is None:
         return "no function of the model's inputs and states predicts it in data that were left out"
     noise = _at_most(noise, best.errors)

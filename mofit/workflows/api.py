@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from mofit.data import Campaign
+from mofit.diagnosis.page_beside import page_beside
 from mofit.identification.inputs import as_campaign, as_effects, as_names
 from mofit.identification.settings import Settings
 from mofit.models import Effect, Model
@@ -145,7 +146,10 @@ def diagnose(
         campaign, model, as_effects(effects), (), as_names(tests), settings or Settings(),
         None if out is None else Path(out), hold_out=as_names(hold_out), included=as_effects(include),
     )  # fmt: skip
-    return diagnosed(job, listener(progress), written=out is not None)[1]
+    if out is None:
+        return diagnosed(job, listener(progress))[1]
+    with page_beside() as drawn:
+        return diagnosed(job, listener(progress), drawn)[1]
 
 
 def predict(

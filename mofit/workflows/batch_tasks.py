@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mofit.data import Campaign, read_campaign
+from mofit.diagnosis.page_beside import page_beside
 from mofit.errors import InputError, WriteError
 from mofit.identification.settings import Settings
 from mofit.quantities import CONDITIONS
@@ -166,7 +167,10 @@ def _identify(task: Task) -> dict[str, Any]:
 
 def _diagnose(task: Task) -> dict[str, Any]:
     shutil.rmtree(task.folder, ignore_errors=True)  # finished, and ended before its row was written
-    return diagnose_file(Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder))[1]
+    with page_beside() as drawn:
+        return diagnose_file(Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder), drawn)[
+            1
+        ]
 
 
 #: what is done with a campaign, by the name of the command

@@ -22,6 +22,7 @@ from mofit.simulation.requirements import stated_conditions
 if TYPE_CHECKING:
     import xarray as xr
 
+    from mofit.diagnosis.page_beside import Draw
     from mofit.diagnosis.result import Diagnosis
 
 #: a campaign or several, or their files
@@ -72,10 +73,9 @@ def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str
     return folder, summary(tree, folder)
 
 
-def diagnosed(job: Job, progress: Progress = silent, *, written: bool = True) -> tuple[Path | None, Diagnosis]:
-    """Read and diagnose; if ``written``, page and ``diagnosis.json`` are in the folder."""
+def diagnosed(job: Job, progress: Progress = silent, drawn: Draw | None = None) -> tuple[Path | None, Diagnosis]:
+    """Read and diagnose; if it is ``drawn``, see `page_beside`, page and ``diagnosis.json`` are in the folder."""
     from mofit.diagnosis.diagnose import diagnose
-    from mofit.diagnosis.page_beside import page_beside
 
     campaign, chosen = _inputs(job, progress)
     model = _with_effects(chosen, job.included, campaign)
@@ -83,23 +83,22 @@ def diagnosed(job: Job, progress: Progress = silent, *, written: bool = True) ->
     run = partial(
         diagnose, campaign, model, job.effects, job.settings, tests=tests, hold_out=job.hold_out, progress=progress
     )
-    if not written:
+    if drawn is None:
         return None, run()
     configuration = {"campaign": campaign.hash(), "model": model.name, "effects": effects, "seed": seed}
     configuration |= {"hold_out": list(job.hold_out)} if job.hold_out else {}
-    place = run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False)
-    with place as folder, page_beside() as drawn:
+    with run_folder(job.out, f"diagnosis-{model.name}", configuration, resumable=False) as folder:
         found = run()
         progress("write", 0, 1, "page")
         drawn(found, folder.partial)
     return folder.target, found
 
 
-def diagnose_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
+def diagnose_file(job: Job, drawn: Draw, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
     """As `diagnosed`; returns the folder and what ``--json`` prints."""
     from mofit.diagnosis.result import summary as plain
 
-    folder, found = diagnosed(job, progress)
+    folder, found = diagnosed(job, progress, drawn)
     assert folder is not None
     return folder, plain(found)
 

@@ -14,7 +14,7 @@ from mofit.diagnosis.effect_file import EFFECT_FILE, effect_file
 from mofit.diagnosis.pages.effects import effects_section, ruled_out_section
 from mofit.diagnosis.pages.hold_outs import hold_out_blocks
 from mofit.diagnosis.pages.proposed import proposed_section
-from mofit.diagnosis.pages.residuals import AFTER, BEFORE, COLUMNS, MODELS, MOST
+from mofit.diagnosis.pages.residuals import AFTER, BEFORE, COLUMNS, MODELS, MOST, residuals_section
 from mofit.diagnosis.pages.where import homogeneity_section, where_section
 from mofit.diagnosis.result import Diagnosis, page_data
 from mofit.diagnosis.shrinkage import in_percent
@@ -67,6 +67,7 @@ def write_files(data: Mapping[str, Any], effect: str, folder: Path, processes: i
         [
             verdict_section,
             where_section,
+            residuals_section,
             effects_section,
             shrinkage_section,
             *([proposed_section] if effect else []),
@@ -76,7 +77,7 @@ def write_files(data: Mapping[str, Any], effect: str, folder: Path, processes: i
         ],
         data,
         processes=processes,
-        first=[shrinkage_section],
+        first=[residuals_section, shrinkage_section],
     )
     write_json(folder / "diagnosis.json", data)
     if effect:

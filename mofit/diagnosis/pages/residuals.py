@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import NullLocator
 
-from mofit.report.toolkit.blocks import Block, Figure
+from mofit.report.toolkit.blocks import Block, Figure, Section
 from mofit.report.toolkit.description import keyed
 from mofit.report.toolkit.figures import BASELINE, FLOOR, Panels, dot_key, line_key, mode_colour, panel_of
 from mofit.report.toolkit.formatting import Unit, display_unit, number, whole_percent
@@ -22,15 +22,15 @@ MOST = 16
 COLUMNS = 4
 
 
-def residual_figures(records: Sequence[Mapping[str, Any]]) -> list[Block]:
+def residuals_section(data: Mapping[str, Any]) -> Section:
     """Spectra and time traces of every output."""
-    figures: list[Block] = []
+    records, figures = data["records"], list[Block]()
     for name in dict.fromkeys(one["output_name"] for one in records):
         own = [one for one in records if one["output_name"] == name][:MOST]
         residuals = [np.asarray(one["measured"]) - np.asarray(one["before"]) for one in own]
         unit = display_unit(own[0]["output_unit"], np.concatenate(residuals))
         figures += [_spectra(own, unit), _traces(own, unit)]
-    return figures
+    return Section("residuals", "The residual of every test", figures)
 
 
 def _spectra(records: Sequence[Mapping[str, Any]], unit: Unit) -> Figure:

@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 
-from mofit.diagnosis.pages.residuals import AFTER, BEFORE, residual_figures
+from mofit.diagnosis.pages.residuals import AFTER, BEFORE
 from mofit.diagnosis.spectral_classes import SPECTRAL_CLASSES
 from mofit.quantities import title_of
 from mofit.report.toolkit.axes import heat_map
@@ -47,7 +47,6 @@ def where_section(data: Mapping[str, Any]) -> Section:
         _tests_table(data["where"], data["residual"]),
         *_conditions_table(data["where"]),
         _classes_figure(before, after, unit),
-        *residual_figures(data["records"]),
         _input_figure(before["input"], data["records"][0], unit),
         _time_figure(before["time"], after["time"], unit),
     ]
@@ -121,7 +120,7 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
         good="no cell on the right is bold.",
         bad="cells on the right are bold as well: no named effect explains what is left there.",
         finding=_largest_entry(maps, classes, shown),
-        opens=True,
+        opens="residuals",
     )
 
 

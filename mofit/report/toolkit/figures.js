@@ -29,7 +29,6 @@ function library() {
 class Explored {
   constructor(figure, spec) {
     this.spec = spec;
-    this.next = figure.nextElementSibling || figure;
     this.off = new Set(); // names that are switched off
     this.brush = spec.brush ? new Brush(this) : null;
     this.plot = document.createElement("div");
@@ -277,7 +276,7 @@ class Explored {
         const k = axis.ticks.values.findIndex((value) => value === at);
         if (k >= 0 && choices.now[kind] !== values[k]) choices.choose(kind, values[k]);
       }
-    if (this.spec.opens) this.next.scrollIntoView({ behavior: "smooth", block: "center" });
+    if (this.spec.opens) document.getElementById(this.spec.opens).scrollIntoView({ behavior: "smooth" });
   }
 
   key(event) {
