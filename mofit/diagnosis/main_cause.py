@@ -24,6 +24,8 @@ from mofit.runtime.progress import Progress
 #: Share of its power to which the noise of a record falls where a gap was part of it; rounds in which it is found, and
 #: fits of the best effects in each.
 _PART_WAS_GAP, _NOISE_ROUNDS, _FITS = 0.5, 2, 5
+#: Share of what a main cause must explain below which none does in another metric either.
+_LEAST = 0.5
 _TOO_STIFF = "its integration diverges: too stiff for these sampling intervals; sample faster"
 
 
@@ -167,7 +169,8 @@ def main_causes(case: Case, seed: int, progress: Progress) -> Iterator[Case]:
     noisy = with_discrepancy(observed, ignored)
     fitted = fit_baseline(noisy, baseline.minimum.point, seed)
     candidates = rescaled(case.candidates, observed, noisy)
-    found = attribute(fitted, candidates, case.settings, progress, promising_only=True)
+    least = _LEAST * case.settings.partly
+    found = attribute(fitted, candidates, case.settings, progress, promising_only=True, explaining=least)
     if stands_out(found, case.settings):
         yield replace(_case(case.settings, candidates, case.stiff, found), ignored=ignored, is_main=True)
 

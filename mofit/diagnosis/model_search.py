@@ -73,12 +73,16 @@ class Attribution:
 
 @dataclass(frozen=True)
 class _Search:
-    """Models fitted so far, those that could not be, and candidates that were not tried; both with the reason."""
+    """Models fitted so far, those that could not be, and candidates that were not tried; both with the reason.
+
+    A model counts where its criterion comes down to the best one, or to what is ``needed``.
+    """
 
     baseline: Fitted
     candidates: Sequence[Candidate]
     settings: DiagnosisSettings
     models: tuple[CandidateModel, ...]
+    needed: float = np.inf
     failed: Mapping[tuple[str, ...], str] = field(default_factory=dict)
     passed_over: Mapping[str, str] = field(default_factory=dict)
 
@@ -106,7 +110,7 @@ class _Search:
         fresh = {names: one for one in wanted if not self.tried(names := _names(one))}
         made: dict[tuple[str, ...], CandidateModel] = {}
         failed = dict(self.failed)
-        lowest = self.best.criterion
+        lowest = min(self.best.criterion, self.needed)
         # far above the first, of which each core takes one, the others need no exact fit
         for part in (list(fresh)[:_FIRST], list(fresh)[_FIRST:]):
             limit = lowest + self.doubt
@@ -204,14 +208,18 @@ def attribute(
     progress: Progress = silent,
     *,
     promising_only: bool = False,
+    explaining: float = 0.0,
 ) -> Attribution:
     """Search forwards: single effects first, then one more at a time as long as something significant is left.
 
     A model with more effects is best only if its information criterion is, and every part of the best set is tried too:
-    so the search prunes backwards as well. With ``promising_only`` it ends with the single effects that score most.
+    so the search prunes backwards as well. With ``promising_only`` it ends with the single effects that score most. Of
+    what explains less than the share ``explaining`` of the gap's whitened squares, no exact fit is needed.
     """
     scores, residuals = score_tests(baseline, candidates), residual_tests(baseline)
-    state = _Search(baseline, candidates, settings, (rated(baseline, len(candidates)),))
+    model = rated(baseline, len(candidates))
+    needed = model.criterion - explaining * (_whole(baseline) - baseline.hypothesis.observed.explainable.sum())
+    state = _Search(baseline, candidates, settings, (model,), float(needed))
     nothing = Attribution(baseline, residuals, tuple(scores), state.models, residuals)
     if nothing.p_value >= settings.gap_p_value:
         reasons = dict.fromkeys((one.name for one in scores), "there is no gap")
@@ -248,10 +256,14 @@ def _leaves_more(state: _Search, share: float, doubt: float = 0.0) -> bool:
     """
     where = state.baseline.hypothesis.observed.explainable
     noise = where.sum() + doubt * np.sqrt(2 * where.sum())
-    left, whole = (
-        float(np.sum(fitted.residual[: len(where)][where] ** 2)) for fitted in (state.best.fitted, state.baseline)
-    )
+    left, whole = _whole(state.best.fitted), _whole(state.baseline)
     return bool(whole - left < (1 - share) * (whole - noise))
+
+
+def _whole(fitted: Fitted) -> float:
+    """Whitened squares of all rows that may hold a gap."""
+    where = fitted.hypothesis.observed.explainable
+    return float(np.sum(fitted.residual[: len(where)][where] ** 2))
 
 
 def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) -> _Search:
