@@ -12,7 +12,6 @@ from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Model, with_effects
-from mofit.runtime.parallel import forked_map
 from mofit.simulation import ExperimentData, experiment_data
 
 #: Runge–Kutta steps per sampling interval: no noise is known yet that would say how few are enough.
@@ -32,9 +31,7 @@ def expected_responses(
     By the d unit coordinates, and by the l scoped values that the new test has of its own. nan where it diverges.
     """
     read = _Read(observed, experiments)
-    for one in models:
-        read.by(one)  # once, not by every process
-    return forked_map(lambda one: _responses(read, one, settling), models, observed.processes)
+    return [_responses(read, one, settling) for one in models]
 
 
 class _Read:

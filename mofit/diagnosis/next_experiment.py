@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations, product
+from itertools import chain, combinations, permutations, product
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -18,7 +18,11 @@ from mofit.diagnosis.settings import NextExperimentSettings
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.diagnosis.whitening import Whitening
 from mofit.models import Model
+from mofit.runtime.parallel import forked_map
 from mofit.simulation import first_input
+
+#: Experiments that a process simulates together: two rows of lanes.
+_TOGETHER = 16
 
 
 @dataclass(frozen=True)
@@ -74,15 +78,23 @@ def next_experiment(
     if len({one.effects for one in models}) < 2 or usual is None:
         return None
     experiments = list(proposals(observed, usual, settings))
-    responses = expected_responses(observed, [one.fitted for one in models], experiments, settings.settling)
-    tests = [_linearised(observed, models, each, one) for *each, one in zip(*responses, experiments, strict=True)]
     prior = probabilities(models)
     shortest = [max(settings.shortest, settings.periods / float(one.frequency or 1)) for one in experiments]
     # no more samples at a high rate
     longest = [max(settings.longest * e.step / usual.step, s) for e, s in zip(experiments, shortest, strict=True)]
-    rejected = [
-        _rejected(test, models, prior, seconds, settings)[1] for test, seconds in zip(tests, longest, strict=True)
-    ]
+
+    def tried(part: slice) -> list[tuple[LinearisedExperiment, FloatArray]]:
+        """Some experiments linearised at the fits, and the rejection probabilities of the longest ones."""
+        responses = expected_responses(observed, [one.fitted for one in models], experiments[part], settings.settling)
+        tests = [
+            _linearised(observed, models, each, one) for *each, one in zip(*responses, experiments[part], strict=True)
+        ]
+        lengths = zip(tests, longest[part], strict=True)
+        return [(test, _rejected(test, models, prior, seconds, settings)[1]) for test, seconds in lengths]
+
+    parts = [slice(first, first + _TOGETHER) for first in range(0, len(experiments), _TOGETHER)]
+    every = forked_map(tried, parts, observed.processes, name=str)
+    tests, rejected = zip(*chain.from_iterable(every), strict=True)
     best = int(np.argmax([prior @ chances.sum(axis=1) for chances in rejected]))
     experiment, lengths = experiments[best], np.arange(shortest[best], longest[best] + 1, 10.0)
     found = [_rejected(tests[best], models, prior, seconds, settings) for seconds in lengths]
