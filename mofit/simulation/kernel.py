@@ -23,6 +23,8 @@ from mofit.simulation.time_grid import StepLevel
 
 #: steps whose part of a table is made at once
 _PART = 20_000
+#: steps that a loop takes until its code is made well: what one that was made quickly loses in them takes as long
+_MANY = 400_000
 
 
 class Table:
@@ -70,16 +72,21 @@ class Kernel:
             levels = tuple(LANE if index == FIXED else level for index, level in enumerate(levels))
         self.sample = Split(program, levels, (0, 1, 2))
         self.substep = Split(program, levels, (1,))
-        self._codes: dict[tuple[bool, int, bool], Code] = {}
+        #: Loops, and how many steps each of them has taken; code lives as long as it is here.
+        self._codes: dict[tuple[bool, int, bool, bool], Code] = {}
+        self._taken: dict[tuple[bool, int, bool], int] = {}
 
-    def code(self, refined: bool, lanes: int, own_tables: bool = False) -> Code:
-        """The compiled loop, with or without further steps within a sampling interval."""
+    def code(self, refined: bool, lanes: int, steps: int, own_tables: bool = False) -> Code:
+        """The compiled loop, with or without further steps within a sampling interval, for so many steps more."""
         # a refined loop takes any time grid
-        key = (refined or (True, lanes, own_tables) in self._codes, lanes, own_tables)
-        if key not in self._codes:
-            substep = self.substep if refined else None
-            self._codes[key] = compile_loop(self.sample, substep, self.shape, self.reduce, lanes, own_tables)
-        return self._codes[key]
+        refined = refined or (True, lanes, own_tables) in self._taken
+        loop = (refined, lanes, own_tables)
+        self._taken[loop] = self._taken.get(loop, 0) + steps
+        quick = self._taken[loop] < _MANY
+        if (*loop, quick) not in self._codes:
+            split = (self.sample, self.substep if refined else None)
+            self._codes[*loop, quick] = compile_loop(*split, self.shape, self.reduce, lanes, own_tables, quick=quick)
+        return self._codes[*loop, quick]
 
     def table(self, experiment: ExperimentData, level: StepLevel, fixed: FloatArray) -> Table:
         """The table of a test for the parameters that all lanes share."""

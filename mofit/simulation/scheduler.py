@@ -160,7 +160,8 @@ class Scheduler:
         known = (key, own, level.steps, b"")
         used.add(known)
         table = self._tables.table(known, lambda: kernel.table_of_lanes(own, lanes, level), used)
-        entry, samples = kernel.code(table.refined, lanes, own_tables=True).entry, own[0].samples
+        samples = own[0].samples
+        entry = kernel.code(table.refined, lanes, len(p) * samples * level.steps, own_tables=True).entry
         for number, values in enumerate(p[..., self._order]):
             sets = values[every] if values.ndim == 2 else np.broadcast_to(values, (lanes, len(values)))
             parameters = np.ascontiguousarray(sets.T)
@@ -222,15 +223,14 @@ class Scheduler:
             key = (block.level.scheme.name, derivatives, reduce, block.fixed_per_lane)
             kernel, experiment = self._kernel(key, block.level), experiments[test]
             table = self._table(key, kernel, experiment, block, used)
-            code = kernel.code(table.refined or self._one_loop, block.lanes)
-            kept = len(block.rows)
+            steps, kept = block.level.steps, len(block.rows)
+            code = kernel.code(table.refined or self._one_loop, block.lanes, experiment.samples * steps)
             if reduce:
                 data, of = (data, of) if test == of else (experiment.packed(), test)
                 result = np.empty((shape.sums, block.lanes))
             else:
                 result = room((experiment.samples, shape.columns, shape.outputs, kept), block.lanes)
             ends = [(test, block.rows, slice(None))]
-            steps = block.level.steps
             yield Job(experiment.samples, steps, block.parameters, table, code.entry, data, result, kept, ends)
 
     def _run(self, wanted: Iterable[Job]) -> Iterator[tuple[int, NDArray[np.intp], FloatArray]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from casadi import OP_CONST
 from llvmlite import ir
@@ -68,9 +68,16 @@ class Shape:
 
 @lru_cache(maxsize=256)
 def compile_loop(
-    sample: Split, substep: Split | None, shape: Shape, reduce: bool, lanes: int, own_tables: bool = False
+    sample: Split,
+    substep: Split | None,
+    shape: Shape,
+    reduce: bool,
+    lanes: int,
+    own_tables: bool = False,
+    *,
+    quick: bool = False,
 ) -> Code:
-    """Compile ``run(jobs, number of jobs, counter)``.
+    """Compile ``run(jobs, number of jobs, counter)``, see `compile_entry`.
 
     Threads that share a counter share the jobs. Job after job, sample after sample: outputs, then one step by
     ``sample``, then further steps by ``substep`` if the loop is refined. With ``reduce`` the loop sums weighted
@@ -78,7 +85,8 @@ def compile_loop(
     for every value that lanes else share.
     """
     what = ("loop", sample.digest, substep and substep.digest, shape, reduce, lanes, own_tables)
-    return compile_entry(what, lambda: _Loop(sample, substep, shape, reduce, lanes, own_tables).text(), _SIGNATURE)
+    loop = partial(_Loop, sample, substep, shape, reduce, lanes, own_tables)
+    return compile_entry(what, lambda: loop().text(), _SIGNATURE, quick=quick)
 
 
 class _Loop:
