@@ -11,6 +11,7 @@ from mofit.diagnosis.accounts import Account, accounts_of, promising
 from mofit.diagnosis.beside import refitted, refitted_from, scored
 from mofit.diagnosis.candidate_model import CandidateModel, doubt_of_constants, rated
 from mofit.diagnosis.candidates import Candidate, effects_moving, prepared_at
+from mofit.diagnosis.extensions import Extension, best_extensions
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.left_residual import Residuals
 from mofit.diagnosis.residual_tests import residual_tests
@@ -19,8 +20,6 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.identification.widening import WORTH
 from mofit.runtime.progress import Progress, silent
 
-#: A fitted model, and the score test there of an effect to be added to it.
-_Extension = tuple[Fitted, ScoreTest]
 #: Multiple of the expected size, and of the shift of the model's parameters, that a strong effect is fitted from.
 _BEYOND = 2.0
 #: Most promising models that are fitted before all others.
@@ -105,7 +104,7 @@ class _Search:
         """Candidates that need a condition of the tests which an effect of the fitted model moves."""
         return {one.name for one in self.candidates if effects_moving(base, one.effect.needs)}
 
-    def extended(self, wanted: Iterable[_Extension], progress: Progress) -> _Search:
+    def extended(self, wanted: Iterable[Extension], progress: Progress) -> _Search:
         """With refits of models with an effect added each, the most promising one first."""
         fresh = {names: one for one in wanted if not self.tried(names := _names(one))}
         made: dict[tuple[str, ...], CandidateModel] = {}
@@ -181,7 +180,7 @@ class _Search:
         best, state = self.best.effects, self
         parts = [tuple(name for name in best if name != left_out) for left_out in best]
         for count in range(1, len(best)):
-            wanted = list[_Extension]()
+            wanted = list[Extension]()
             for *first, last in dict.fromkeys(part[:count] for part in parts):
                 if not state.tried((*first, last)):
                     bases = [one.fitted for one in state.models if one.effects == tuple(sorted(first))]
@@ -195,7 +194,7 @@ def _worth(known: CandidateModel) -> float:
     return known.fitted.minimum.value - 0.5 * WORTH
 
 
-def _names(extension: _Extension) -> tuple[str, ...]:
+def _names(extension: Extension) -> tuple[str, ...]:
     """Names of all effects, sorted."""
     base, added = extension
     return tuple(sorted([*(effect.name for effect in base.hypothesis.effects), added.name]))
@@ -287,26 +286,6 @@ def _one_more(state: _Search, count: int, progress: Progress, only_moved: bool) 
             scores = [[one for one in own if one.name in names] for own, names in zip(scores, moved, strict=True)]
         state = state.extended(best_extensions(level, scores, settings), progress)
     return state.with_parts(progress) if len(state.best.effects) > count else state
-
-
-def best_extensions(
-    level: Sequence[CandidateModel], scores: Sequence[Sequence[ScoreTest]], settings: DiagnosisSettings
-) -> list[_Extension]:
-    """What to add to which model: the sets for which the score tests promise the best criteria, the best first.
-
-    ``level`` are models, the best first, and ``scores`` the score tests at each of them.
-    """
-    promised: dict[tuple[str, ...], tuple[float, CandidateModel, ScoreTest]] = {}
-    for base, own in zip(level, scores, strict=True):
-        for one in own:
-            effects = tuple(sorted((*base.effects, one.name)))
-            criterion = base.criterion - one.promise
-            if one.promise > 0 and criterion < promised.get(effects, (np.inf,))[0]:
-                promised[effects] = criterion, base, one
-    best = sorted(promised.values(), key=lambda found: found[0])[: settings.most_extensions]
-    gain = level[0].criterion - best[0][0] if best else 0.0
-    limit = level[0].criterion - settings.extension_promising * gain
-    return [(base.fitted, one) for criterion, base, one in best if criterion < limit]
 
 
 def _order(model: CandidateModel) -> float:

@@ -11,13 +11,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from llvmlite import binding, ir
+from llvmlite import binding
 
 from benchmarks import kernel_peers, kernel_solvers
 from benchmarks.kernel_peers import FREE, Evaluate, Task
 from benchmarks.rows import row
 from mofit.simulation import Simulator
-from mofit.simulation.compiler.emit import PTR, Emitter
+from mofit.simulation.compiler.emit import Emitter
+from mofit.simulation.compiler.instructions import PTR, Value, integer
 from mofit.simulation.compiler.machine import compile_entry, host
 from mofit.simulation.compiler.program import FMA, FMS, FNMA, LANE, TIME
 from mofit.simulation.integrators import RK4
@@ -50,7 +51,7 @@ EXPLAINED = {
     "heyoka": "its series runs across the kinks of |y| and |slip|: that is its cost deviation",
 }
 #: an operation on every chain, a factor and an offset
-Operation = Callable[[Emitter, ir.Value, ir.Value, ir.Value], ir.Value]
+Operation = Callable[[Emitter, Value, Value, Value], Value]
 
 
 @dataclass(frozen=True)
@@ -186,7 +187,7 @@ def _settings(task: Task, sets: int, peak: Peak) -> dict[str, Any]:
     }
 
 
-def _division(emit: Emitter, value: ir.Value, factor: ir.Value, _: ir.Value) -> ir.Value:
+def _division(emit: Emitter, value: Value, factor: Value, _: Value) -> Value:
     return emit.builder.fdiv(factor, value)
 
 
@@ -194,14 +195,14 @@ def peak_rate(operation: Operation, repeats: int = 20, clock: Callable[[], float
     """An operation on doubles per second: 16 independent chains of full registers, best of ``repeats``."""
     chains, rounds = 16, 200_000
     emit = Emitter([PTR], host().width, host())
-    (data,) = emit.run.args
+    (data,) = emit.arguments
     factor, offset = emit.constant(0.999999), emit.constant(1e-6)
 
-    def body(_: ir.Value, values: list[ir.Value]) -> list[ir.Value]:
+    def body(_: Value, values: list[Value]) -> list[Value]:
         return [operation(emit, value, factor, offset) for value in values]
 
     start = [emit.load(data, chain * host().width) for chain in range(chains)]
-    for chain, value in enumerate(emit.loop(emit.integer(rounds), start, body)):
+    for chain, value in enumerate(emit.loop(integer(rounds), start, body)):
         emit.store(value, data, chain * host().width)
     text = emit.text()
     code = compile_entry(text, lambda: text, ctypes.CFUNCTYPE(None, ctypes.c_void_p))

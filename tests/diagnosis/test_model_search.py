@@ -8,9 +8,10 @@ import pytest
 from damper_rig import damper_fit
 
 from mofit.diagnosis.candidates import prepare
+from mofit.diagnosis.extensions import best_extensions
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.left_residual import Residuals
-from mofit.diagnosis.model_search import Attribution, attribute, best_extensions
+from mofit.diagnosis.model_search import Attribution, attribute
 from mofit.diagnosis.refit import is_reliable, refit, refit_from, settled
 from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.score_test import score_tests

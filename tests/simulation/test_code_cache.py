@@ -1,6 +1,7 @@
 """Compiled code is kept between processes, and a damaged file does no harm."""
 
 import ctypes
+import os
 
 import numpy as np
 import pytest
@@ -56,6 +57,21 @@ def test_a_kept_module_is_not_written_again(place):
     assert code.entry(2.0) == 4.0
 
 
+def test_what_an_earlier_run_needed_is_made_well(place):
+    def quickly():
+        code = compile_entry("twice", lambda: TWICE, SIGNATURE, quick=True)
+        return code.entry(1.5)
+
+    assert [quickly(), quickly()] == [3.0, 3.0]
+    (quick,) = place.iterdir()
+    os.utime(quick, (1e9, 1e9))  # an earlier run has kept it
+    assert quickly() == 3.0
+    assert len(list(place.iterdir())) == 2
+    before = {file: file.stat().st_mtime_ns for file in place.iterdir()}
+    assert [quickly(), twice(1.5)] == [3.0, 3.0]  # the one that is made well serves both
+    assert {file: file.stat().st_mtime_ns for file in place.iterdir()} == before
+
+
 @pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:-1] + bytes([b[-1] ^ 1])])
 def test_a_damaged_file_is_replaced(place, damage):
     twice(1.0)
@@ -92,6 +108,18 @@ def test_what_is_used_stays(place):
 def simulated():
     simulator = Simulator(RELAXATION, [sine_experiment(RELAXATION)], steps=2)
     return simulator.sensitivities([[0.3, 2.0, 0.5]])[0]
+
+
+def test_a_loop_is_made_well_once_it_has_run_for_long(place):
+    simulator = Simulator(RELAXATION, [sine_experiment(RELAXATION)], steps=2)
+    sets = np.array([[0.3, 2.0, 0.5], [0.4, 1.0, 0.2]])
+    compile_loop.cache_clear()  # of this process
+    (few,) = simulator.sensitivities(sets)
+    made = len(list(place.iterdir()))
+    (many,) = simulator.sensitivities(np.resize(sets, (100_000, 3)))
+    for quick, well in zip(few, many, strict=True):
+        np.testing.assert_array_equal(well[:2], quick)
+    assert len(list(place.iterdir())) == made + 1
 
 
 def test_a_kept_program_gives_the_same_numbers(place):

@@ -6,12 +6,21 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 import casadi as ca
-from llvmlite import ir
 
+from mofit.simulation.compiler.instructions import (
+    F64,
+    Block,
+    Builder,
+    Value,
+    double,
+    integer,
+    together,
+    undefined,
+    vector,
+)
 from mofit.simulation.compiler.machine import LIBM, Host
 from mofit.simulation.compiler.program import FMA, FMS, FNMA, Node, Program
 
-F64, I64, PTR = ir.DoubleType(), ir.IntType(64), ir.PointerType()
 _ATTRIBUTES = '{ nounwind "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
 
 #: operations that call the C mathematics library
@@ -24,7 +33,7 @@ _INTRINSIC = {
 
 
 #: ``(index, carried values) -> carried values``: the body of a loop
-Body = Callable[[ir.Value, list[ir.Value]], list[ir.Value]]
+Body = Callable[[Value, list[Value]], list[Value]]
 
 
 class Emitter:
@@ -34,89 +43,83 @@ class Emitter:
     product and a sum.
     """
 
-    def __init__(self, arguments: Sequence[ir.Type], lanes: int, host: Host) -> None:
+    def __init__(self, arguments: Sequence[str], lanes: int, host: Host) -> None:
         self.lanes, self.host = lanes, host
-        self.module = ir.Module(name="run")
-        self.run = ir.Function(self.module, ir.FunctionType(ir.VoidType(), arguments), "run")
-        self.builder = ir.IRBuilder(self.run.append_basic_block("entry"))
-        self.type = ir.VectorType(F64, lanes)
-        self._truth: dict[ir.Value, ir.Value] = {}  # a truth value as a mask, by its 0/1 form
+        self.builder, self.type = Builder(arguments), vector(F64, lanes)
+        self.arguments = self.builder.arguments
+        self._constants: dict[str, Value] = {}
+        self._truth: dict[Value, Value] = {}  # a truth value as a mask, by its 0/1 form
 
     def text(self) -> str:
         """The module, its function ended here; it may use 512-bit registers."""
         self.builder.ret_void()
-        lines = [f"{line} #0" if line.startswith("define") else line for line in str(self.module).splitlines()]
-        return "\n".join([*lines, f"attributes #0 = {_ATTRIBUTES}", ""])
+        return self.builder.text(_ATTRIBUTES)
 
-    def blocks(self, count: int) -> list[ir.Block]:
+    def blocks(self, count: int) -> list[Block]:
         """New blocks of the function."""
-        return [self.run.append_basic_block() for _ in range(count)]
+        return [self.builder.append_block() for _ in range(count)]
 
-    def loop(self, count: ir.Value, carried: list[ir.Value], body: Body) -> list[ir.Value]:
+    def loop(self, count: Value, carried: list[Value], body: Body) -> list[Value]:
         """``for k in range(count): carried = body(k, carried)``."""
         build = self.builder
         before, (head, inside, after) = build.block, self.blocks(3)
         build.branch(head)
         build.position_at_end(head)
-        k, now = build.phi(I64), [build.phi(value.type) for value in carried]
-        build.cbranch(build.icmp_signed("<", k, count), inside, after)
+        k, now = build.phi(count.type), [build.phi(value.type) for value in carried]
+        build.cbranch(build.less(k, count), inside, after)
         build.position_at_end(inside)
-        following = [build.add(k, self.integer(1)), *body(k, now)]
-        for phi, start, end in zip([k, *now], [self.integer(0), *carried], following, strict=True):
-            phi.add_incoming(start, before)
-            phi.add_incoming(end, build.block)
+        following = [build.add(k, integer(1)), *body(k, now)]
+        for phi, start, end in zip([k, *now], [integer(0), *carried], following, strict=True):
+            build.come(phi, start, before)
+            build.come(phi, end, build.block)
         build.branch(head)
         build.position_at_end(after)
         return now
 
-    def integer(self, value: int) -> ir.Constant:
-        """A whole number, the same for all lanes."""
-        return ir.Constant(I64, value)
-
-    def times(self, value: ir.Value, factor: int) -> ir.Value:
+    def times(self, value: Value, factor: int) -> Value:
         """A whole number times a constant one."""
-        return self.builder.mul(value, self.integer(factor))
+        return self.builder.mul(value, integer(factor))
 
-    def constant(self, value: float) -> ir.Constant:
+    def constant(self, value: float) -> Value:
         """The same number in every lane."""
-        return ir.Constant(self.type, [ir.Constant(F64, value)] * self.lanes)
+        one = double(value)
+        if one.text not in self._constants:
+            self._constants[one.text] = together([one] * self.lanes)
+        return self._constants[one.text]
 
-    def splat(self, scalar: ir.Value) -> ir.Value:
+    def splat(self, scalar: Value) -> Value:
         """A scalar in every lane."""
-        one = self.builder.insert_element(ir.Constant(self.type, ir.Undefined), scalar, self.integer(0))
-        mask = ir.Constant(ir.VectorType(ir.IntType(32), self.lanes), [0] * self.lanes)
-        return self.builder.shuffle_vector(one, ir.Constant(self.type, ir.Undefined), mask)
+        return self.builder.shuffle(self.builder.insert_element(undefined(self.type), scalar, 0), [0] * self.lanes)
 
-    def address(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+    def address(self, base: Value, index: int | Value) -> Value:
         """Address of the double number ``index`` after ``base``."""
-        place = index if isinstance(index, ir.Value) else self.integer(index)
-        return self.builder.gep(base, [place], source_etype=F64)
+        return self.builder.gep(base, integer(index) if isinstance(index, int) else index, F64)
 
-    def load(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+    def load(self, base: Value, index: int | Value) -> Value:
         """A vector whose first double is number ``index`` after ``base``."""
-        return self.builder.load(self.address(base, index), typ=self.type, align=8)
+        return self.builder.load(self.address(base, index), self.type)
 
-    def load_splat(self, base: ir.Value, index: int | ir.Value) -> ir.Value:
+    def load_splat(self, base: Value, index: int | Value) -> Value:
         """One double from memory, in every lane."""
-        return self.splat(self.builder.load(self.address(base, index), typ=F64, align=8))
+        return self.splat(self.builder.load(self.address(base, index), F64))
 
-    def store(self, value: ir.Value, base: ir.Value, index: int | ir.Value) -> None:
+    def store(self, value: Value, base: Value, index: int | Value) -> None:
         """Store a vector from double number ``index`` after ``base``."""
-        self.builder.store(value, self.address(base, index), align=8)
+        self.builder.store(value, self.address(base, index))
 
-    def multiply_add(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+    def multiply_add(self, a: Value, b: Value, c: Value) -> Value:
         """``a * b + c``."""
         if self.host.fma:
             return self._intrinsic("fma", a, b, c)
         return self.builder.fadd(self.builder.fmul(a, b), c)
 
-    def program(self, program: Program, roots: Iterable[int], values: dict[int, ir.Value]) -> None:
+    def program(self, program: Program, roots: Iterable[int], values: dict[int, Value]) -> None:
         """Emit what ``roots`` need beyond ``values``, adding it to them."""
         for index in program.needed(roots, values):
             node = program.nodes[index]
             values[index] = self.node(node, [values[i] for i in node.args])
 
-    def node(self, node: Node, args: list[ir.Value]) -> ir.Value:
+    def node(self, node: Node, args: list[Value]) -> Value:
         """One operation other than an input."""
         op, build = node.op, self.builder
         if op == ca.OP_CONST:
@@ -130,62 +133,53 @@ class Emitter:
             return self._called(_CALLS[op], *args)
         return _RULES[op](self, *args)
 
-    def _number(self, mask: ir.Value) -> ir.Value:
+    def _number(self, mask: Value) -> Value:
         number = self.builder.select(mask, self.constant(1.0), self.constant(0.0))
         self._truth[number] = mask
         return number
 
-    def _mask(self, value: ir.Value) -> ir.Value:
+    def _mask(self, value: Value) -> Value:
         """True where a number is not zero, nan included, as in C."""
         if value in self._truth:
             return self._truth[value]
         return self.builder.fcmp_unordered("!=", value, self.constant(0.0))
 
-    def _intrinsic(self, name: str, *args: ir.Value) -> ir.Value:
-        return self.builder.call(self._declare(f"llvm.{name}.v{self.lanes}f64", self.type, len(args)), args)
+    def _intrinsic(self, name: str, *args: Value) -> Value:
+        return self.builder.call(f"llvm.{name}.v{self.lanes}f64", self.type, args)
 
-    def _declare(self, name: str, kind: ir.Type, count: int) -> ir.Function:
-        if name in self.module.globals:
-            return self.module.globals[name]
-        return ir.Function(self.module, ir.FunctionType(kind, [kind] * count), name)
-
-    def _called(self, name: str, *args: ir.Value) -> ir.Value:
+    def _called(self, name: str, *args: Value) -> Value:
         """A function of the C mathematics library: of a register at a time where it can, else lane by lane."""
         if name not in self.host.libmvec:
             return self._per_lane(name, *args)
-        width, none = self.host.width, ir.Constant(self.type, ir.Undefined)
-        function = self._declare(f"libmvec_{name}", ir.VectorType(F64, width), len(args))
-        result = ir.Constant(self.type, ir.Undefined)
+        width, result = self.host.width, undefined(self.type)
         for first in range(0, self.lanes, width):
             # fewer lanes than fill a register: the last is repeated
             taken = [min(first + place, self.lanes - 1) for place in range(width)]
-            mask = ir.Constant(ir.VectorType(ir.IntType(32), width), taken)
-            found = self.builder.call(function, [self.builder.shuffle_vector(arg, none, mask) for arg in args])
+            parts = [self.builder.shuffle(arg, taken) for arg in args]
+            found = self.builder.call(f"libmvec_{name}", vector(F64, width), parts)
             for lane in range(first, min(first + width, self.lanes)):
-                scalar = self.builder.extract_element(found, self.integer(lane - first))
-                result = self.builder.insert_element(result, scalar, self.integer(lane))
+                scalar = self.builder.extract_element(found, lane - first)
+                result = self.builder.insert_element(result, scalar, lane)
         return result
 
-    def _per_lane(self, name: str, *args: ir.Value) -> ir.Value:
-        function = self._declare(f"libm_{name}", F64, len(args))
-        result = ir.Constant(self.type, ir.Undefined)
+    def _per_lane(self, name: str, *args: Value) -> Value:
+        result = undefined(self.type)
         for lane in range(self.lanes):
-            place = self.integer(lane)
-            scalar = self.builder.call(function, [self.builder.extract_element(arg, place) for arg in args])
-            result = self.builder.insert_element(result, scalar, place)
+            scalar = self.builder.call(f"libm_{name}", F64, [self.builder.extract_element(arg, lane) for arg in args])
+            result = self.builder.insert_element(result, scalar, lane)
         return result
 
-    def _sign(self, x: ir.Value) -> ir.Value:
+    def _sign(self, x: Value) -> Value:
         """-1, 1, or x itself where it is zero or nan."""
         zero = self.constant(0.0)
         positive = self.builder.select(self.builder.fcmp_ordered(">", x, zero), self.constant(1.0), x)
         return self.builder.select(self.builder.fcmp_ordered("<", x, zero), self.constant(-1.0), positive)
 
-    def _erfinv(self, x: ir.Value) -> ir.Value:
+    def _erfinv(self, x: Value) -> Value:
         """Inverse error function: rational start (Giles' split of the range) and two Newton steps, as CasADi does."""
         build = self.builder
 
-        def polynomial(at: ir.Value, coefficients: tuple[float, ...]) -> ir.Value:
+        def polynomial(at: Value, coefficients: tuple[float, ...]) -> Value:
             value = self.constant(coefficients[-1])
             for coefficient in coefficients[-2::-1]:
                 value = build.fadd(build.fmul(value, at), self.constant(coefficient))
@@ -215,7 +209,7 @@ class Emitter:
         return build.select(beyond, self.constant(math.nan), build.select(edge, infinite, z))
 
 
-_RULES: dict[int, Callable[..., ir.Value]] = {
+_RULES: dict[int, Callable[..., Value]] = {
     ca.OP_ADD: lambda e, a, b: e.builder.fadd(a, b),
     ca.OP_SUB: lambda e, a, b: e.builder.fsub(a, b),
     ca.OP_MUL: lambda e, a, b: e.builder.fmul(a, b),

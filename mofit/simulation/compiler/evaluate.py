@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
-from llvmlite import ir
 
 from mofit._typing import FloatArray
-from mofit.simulation.compiler.emit import I64, PTR, Emitter
+from mofit.simulation.compiler.emit import Emitter
+from mofit.simulation.compiler.instructions import I64, PTR, Value
 from mofit.simulation.compiler.machine import Code, compile_entry, host
 from mofit.simulation.compiler.program import Program
 
@@ -45,13 +45,13 @@ def _compile(program: Program, sizes: tuple[int, ...], lanes: int) -> Code:
 def _text(program: Program, sizes: tuple[int, ...], lanes: int) -> str:
     offsets = np.cumsum([0, *sizes])
     emit = Emitter([PTR, PTR, I64, I64], lanes, host())
-    source, target, blocks, stride = emit.run.args
+    source, target, blocks, stride = emit.arguments
     roots = [index for group in program.outputs for index in group]
 
-    def body(block: ir.Value, _: list[ir.Value]) -> list[ir.Value]:
-        column, values = emit.times(block, lanes), dict[int, ir.Value]()
+    def body(block: Value, _: list[Value]) -> list[Value]:
+        column, values = emit.times(block, lanes), dict[int, Value]()
 
-        def place(row: int) -> ir.Value:
+        def place(row: int) -> Value:
             return emit.builder.add(emit.times(stride, row), column)
 
         for index in program.needed(roots):

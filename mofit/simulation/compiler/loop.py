@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 
 from casadi import OP_CONST
-from llvmlite import ir
 
-from mofit.simulation.compiler.emit import F64, I64, PTR, Emitter
+from mofit.simulation.compiler.emit import Emitter
+from mofit.simulation.compiler.instructions import F64, I64, PTR, Value, double, integer
 from mofit.simulation.compiler.machine import Code, compile_entry, host
 from mofit.simulation.compiler.program import LANE
 from mofit.simulation.compiler.split import Split
@@ -31,8 +31,8 @@ _FIELD = {name: index for index, name in enumerate(JOB_FIELDS)}
 #: places of the state and of the parameters that are not free among `integrators.GRAPH_INPUTS`
 STATE, FIXED = 1, 5
 
-Values = dict[int, ir.Value]
-Step = Callable[[ir.Value, list[ir.Value], ir.Value], tuple[list[ir.Value], ir.Value]]
+Values = dict[int, Value]
+Step = Callable[[Value, list[Value], Value], tuple[list[Value], Value]]
 _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p)
 
 
@@ -100,23 +100,23 @@ class _Loop:
 
     def text(self) -> str:
         """The module."""
-        build, (jobs, count, counter) = self.build, self.emit.run.args
+        build, (jobs, count, counter) = self.build, self.emit.arguments
         fetch, work, done = self.emit.blocks(3)
         build.branch(fetch)
         build.position_at_end(fetch)
-        index = build.atomic_rmw("add", counter, self.emit.integer(1), "monotonic")
-        build.cbranch(build.icmp_signed("<", index, count), work, done)
+        index = build.fetch_and_add(counter, integer(1))
+        build.cbranch(build.less(index, count), work, done)
         build.position_at_end(work)
-        self._job(build.gep(jobs, [self.emit.times(index, len(JOB_FIELDS))], source_etype=I64))
+        self._job(build.gep(jobs, self.emit.times(index, len(JOB_FIELDS)), I64))
         build.branch(fetch)
         build.position_at_end(done)
         return self.emit.text()
 
-    def _field(self, job: ir.Value, name: str, kind: ir.Type = PTR) -> ir.Value:
-        place = self.build.gep(job, [self.emit.integer(_FIELD[name])], source_etype=I64)
-        return self.build.load(place, typ=kind, align=8)
+    def _field(self, job: Value, name: str, kind: str = PTR) -> Value:
+        place = self.build.gep(job, integer(_FIELD[name]), I64)
+        return self.build.load(place, kind)
 
-    def _job(self, job: ir.Value) -> None:
+    def _job(self, job: Value) -> None:
         samples = self._field(job, "samples", I64)
         parameters, constant, rows, data, result = (
             self._field(job, name) for name in ("parameters", "constant", "rows", "data", "result")
@@ -127,7 +127,7 @@ class _Loop:
         sums = [self.emit.constant(0.0)] * (self.shape.sums * self.reduce)
         step = self._refinement(job, parameters, constant) if self.substep else None
 
-        def body(k: ir.Value, carried: list[ir.Value]) -> list[ir.Value]:
+        def body(k: Value, carried: list[Value]) -> list[Value]:
             state, rest = carried[: len(initial)], carried[len(initial) :]
             values = self._at(self.sample, invariant, state, rows, k)
             ends = self._outputs(self.sample, 1, values)
@@ -139,32 +139,32 @@ class _Loop:
                 ends, rest[len(sums)] = step(k, ends, rest[len(sums)])
             return ends + rest
 
-        row = [self.emit.integer(0)] * bool(step)
+        row = [integer(0)] * bool(step)
         final = self.emit.loop(samples, initial + sums + row, body)
         for number, value in enumerate(final[len(initial) : len(initial) + len(sums)]):
             self.emit.store(value, result, number * self.lanes)
 
-    def _refinement(self, job: ir.Value, parameters: ir.Value, constant: ir.Value) -> Step:
+    def _refinement(self, job: Value, parameters: Value, constant: Value) -> Step:
         """Takes the state through the further steps of a sample, and on to the next rows of their table."""
         split = self.substep
         assert split is not None
         invariant = self._invariant(split, parameters, constant, len(self.sample.constant))
         counts, rows = self._field(job, "counts"), self._field(job, "substep_rows")
 
-        def step(k: ir.Value, state: list[ir.Value], row: ir.Value) -> tuple[list[ir.Value], ir.Value]:
-            count = self.build.load(self.build.gep(counts, [k], source_etype=I64), typ=I64, align=8)
+        def step(k: Value, state: list[Value], row: Value) -> tuple[list[Value], Value]:
+            count = self.build.load(self.build.gep(counts, k, I64), I64)
 
-            def body(s: ir.Value, now: list[ir.Value]) -> list[ir.Value]:
+            def body(s: Value, now: list[Value]) -> list[Value]:
                 return self._outputs(split, 1, self._at(split, invariant, now, rows, self.build.add(row, s)))
 
             return self.emit.loop(count, state, body), self.build.add(row, count)
 
         return step
 
-    def _invariant(self, split: Split, parameters: ir.Value, constant: ir.Value, offset: int) -> Values:
+    def _invariant(self, split: Split, parameters: Value, constant: Value, offset: int) -> Values:
         """Loop-invariant values: those of the table and what every lane computes from them once."""
         emit, nodes = self.emit, split.program.nodes
-        values = {index: self._read(constant, emit.integer(offset + i)) for i, index in enumerate(split.constant)}
+        values = {index: self._read(constant, integer(offset + i)) for i, index in enumerate(split.constant)}
         constants = {i for i in split.live if not nodes[i].args and nodes[i].op == OP_CONST}
         invariant = [i for i in split.live if split.levels[i] == LANE or i in constants]
         for index in invariant:
@@ -175,7 +175,7 @@ class _Loop:
         emit.program(split.program, invariant, values)
         return values
 
-    def _at(self, split: Split, invariant: Values, state: list[ir.Value], rows: ir.Value, row: ir.Value) -> Values:
+    def _at(self, split: Split, invariant: Values, state: list[Value], rows: Value, row: Value) -> Values:
         """Values at the start of a step: the invariant ones, the state and the row of the table, read when used."""
         values = dict(invariant)
         for index in split.live:
@@ -184,21 +184,21 @@ class _Loop:
                 values[index] = state[source[1]]
         base = self.emit.times(row, len(split.varying))
         for place, index in enumerate(split.varying):
-            values[index] = self._read(rows, self.build.add(base, self.emit.integer(place)))
+            values[index] = self._read(rows, self.build.add(base, integer(place)))
         return values
 
-    def _read(self, table: ir.Value, number: ir.Value) -> ir.Value:
+    def _read(self, table: Value, number: Value) -> Value:
         """A value of a table, the same in all lanes or of each its own."""
         if self.own_tables:
             return self.emit.load(table, self.emit.times(number, self.lanes))
         return self.emit.load_splat(table, number)
 
-    def _outputs(self, split: Split, output: int, values: Values) -> list[ir.Value]:
+    def _outputs(self, split: Split, output: int, values: Values) -> list[Value]:
         wanted = split.program.outputs[output]
         self.emit.program(split.program, wanted, values)
         return [values[index] for index in wanted]
 
-    def _stored(self, values: Values, result: ir.Value, kept: ir.Value, k: ir.Value) -> None:
+    def _stored(self, values: Values, result: Value, kept: Value, k: Value) -> None:
         """Store the outputs of sample ``k``, (1 + nf, ny, kept): lanes that only pad would take most of the memory.
 
         Vectors overlap: each is written over the lanes of the one before that are not kept.
@@ -206,24 +206,22 @@ class _Loop:
         build, outputs = self.build, self._outputs(self.sample, 2, values)
         base = self.emit.times(k, len(outputs))
         for number, value in enumerate(outputs):
-            place = build.mul(build.add(base, self.emit.integer(number)), kept)
+            place = build.mul(build.add(base, integer(number)), kept)
             self.emit.store(value, result, place)
 
-    def _accumulated(self, values: Values, sums: list[ir.Value], data: ir.Value, k: ir.Value) -> list[ir.Value]:
+    def _accumulated(self, values: Values, sums: list[Value], data: Value, k: Value) -> list[Value]:
         """The sums with sample ``k`` added, unless no output of it has a weight."""
         build, ny = self.build, self.shape.outputs
         base = self.emit.times(k, 1 + 2 * ny)
-        flag = build.load(self.emit.address(data, base), typ=F64, align=8)
+        flag = build.load(self.emit.address(data, base), F64)
         before, (inside, after) = build.block, self.emit.blocks(2)
-        build.cbranch(build.fcmp_ordered("!=", flag, ir.Constant(F64, 0.0)), inside, after)
+        build.cbranch(build.fcmp_ordered("!=", flag, double(0.0)), inside, after)
         build.position_at_end(inside)
         # on a copy: what is emitted in this branch must not be used outside it
         outputs = self._outputs(self.sample, 2, dict(values))
         added = []
         for y in range(ny):
-            numbers = [
-                self.emit.load_splat(data, build.add(base, self.emit.integer(1 + y + part * ny))) for part in (0, 1)
-            ]
+            numbers = [self.emit.load_splat(data, build.add(base, integer(1 + y + part * ny))) for part in (0, 1)]
             own = sums[y * self.shape.terms : (y + 1) * self.shape.terms]
             added += self._weighted_squares(own, outputs[y::ny], *numbers)
         inside = build.block
@@ -232,14 +230,12 @@ class _Loop:
         merged = []
         for old, new in zip(sums, added, strict=True):
             phi = build.phi(self.emit.type)
-            phi.add_incoming(old, before)
-            phi.add_incoming(new, inside)
+            build.come(phi, old, before)
+            build.come(phi, new, inside)
             merged.append(phi)
         return merged
 
-    def _weighted_squares(
-        self, sums: list[ir.Value], values: list[ir.Value], measured: ir.Value, weight: ir.Value
-    ) -> list[ir.Value]:
+    def _weighted_squares(self, sums: list[Value], values: list[Value], measured: Value, weight: Value) -> list[Value]:
         """The sums with w r^2, w r dy_i and w dy_i dy_j of one output added."""
         build, add = self.build, self.emit.multiply_add
         residual, slopes = build.fsub(values[0], measured), values[1:]
