@@ -111,11 +111,11 @@ class _Builder:
         if op in _COMMUTATIVE:
             args = tuple(sorted(args))
         # repr distinguishes -0.0 from 0.0 and makes nan equal to itself
-        key = (op, args, repr(value))
-        if key not in self._known:
-            self._known[key] = len(self.nodes)
+        key = (op, args) if value is None else (op, args, repr(value))
+        found = self._known.setdefault(key, len(self.nodes))
+        if found == len(self.nodes):
             self.nodes.append(Node(op, args, value))
-        return self._known[key]
+        return found
 
     def power(self, base: int, exponent: int) -> int:
         """A whole power by repeated squaring."""
@@ -235,4 +235,4 @@ def _fuse(program: Program, inputs: Sequence[int]) -> Program:
 
 
 def _copied(build: _Builder, _: int, node: Node, new: list[int]) -> int:
-    return build.add(node.op, tuple(new[i] for i in node.args), node.value)
+    return build.add(node.op, tuple([new[i] for i in node.args]), node.value)
