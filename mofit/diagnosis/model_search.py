@@ -22,8 +22,6 @@ from mofit.runtime.progress import Progress, silent
 
 #: Multiple of the expected size, and of the shift of the model's parameters, that a strong effect is fitted from.
 _BEYOND = 2.0
-#: Most promising models that are fitted before all others.
-_FIRST = 2
 
 
 @dataclass(frozen=True)
@@ -110,8 +108,8 @@ class _Search:
         made: dict[tuple[str, ...], CandidateModel] = {}
         failed = dict(self.failed)
         lowest = min(self.best.criterion, self.needed)
-        # far above the first, of which each core takes one, the others need no exact fit
-        for part in (list(fresh)[:_FIRST], list(fresh)[_FIRST:]):
+        # far above the first the others need no exact fit
+        for part in (list(fresh)[:1], list(fresh)[1:]):
             limit = lowest + self.doubt
             for names, found in zip(part, refitted([fresh[names] for names in part], limit, progress), strict=True):
                 if isinstance(found, str):
