@@ -29,6 +29,8 @@ from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.optimize import RefineSettings, minimise_each
 from mofit.runtime.parallel import forked_map
 
+#: Hold-outs that are fitted together, by a process: few enough to share the work, and enough to simulate side by side.
+_TOGETHER = 4
 #: Four Gauss–Newton steps from the minimum of all tests to that of all but one, which is near; the damping keeps flat
 #: directions solvable.
 _REFIT = RefineSettings(
@@ -192,11 +194,15 @@ def _predicted(
     baseline, best = found.baseline, found.best.fitted
     observed, rows = baseline.hypothesis.observed, len(reference.rows)
 
-    def folds(fitted: Fitted) -> tuple[Linear, list[FloatArray]]:
-        model, points = leave_out(fitted, [one.tests for one in left_out], settings)
+    def folds(fold: tuple[Fitted, Sequence[Group]]) -> tuple[Linear, list[FloatArray]]:
+        model, points = leave_out(fold[0], [one.tests for one in fold[1]], settings)
         return model.linear(points), [test for test, _ in model.outputs(points)]
 
-    linear, outputs = zip(*forked_map(folds, (baseline, best), observed.processes), strict=True)
+    parts = [left_out[first : first + _TOGETHER] for first in range(0, len(left_out), _TOGETHER)]
+    wanted = [(fitted, part) for fitted in (best, baseline) for part in parts]
+    found_of = forked_map(folds, wanted, observed.processes, name=lambda fold: fold[1][0].name)
+    each = [_joined(found_of[len(parts) :]), _joined(found_of[: len(parts)])]
+    linear, outputs = zip(*each, strict=True)
     response = -best.jacobian[:rows, best.free]
     for k, group in enumerate(left_out):
         here = np.isin(observed.test, group.tests)
@@ -220,6 +226,12 @@ def _predicted(
         gain = 0.0 if diverged else _gain((baseline, best), linear, k, group.tests)
         one = HoldOut(group.name, names, share, low, high, diverged, series, gain, group.later)
         yield _Predicted(one, squares, beyond, told)
+
+
+def _joined(parts: Sequence[tuple[Linear, list[FloatArray]]]) -> tuple[Linear, list[FloatArray]]:
+    """Rows and outputs per test of all hold-outs together."""
+    residual, jacobian = (np.concatenate([getattr(one, key) for one, _ in parts]) for key in ("residual", "jacobian"))
+    return Linear(residual, jacobian), [np.concatenate(test) for test in zip(*(own for _, own in parts), strict=True)]
 
 
 def _gain(fits: Sequence[Fitted], without: Sequence[Linear], number: int, tests: Sequence[int]) -> float:
