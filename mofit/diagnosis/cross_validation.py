@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.candidates import Candidate
-from mofit.diagnosis.few_periods import at_steps_for
-from mofit.diagnosis.fitting import Fitted, of_few_periods
+from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.groups import Group, groups
 from mofit.diagnosis.hold_out_evidence import evidence_of
-from mofit.diagnosis.hypothesis import Hypothesis, Linear
+from mofit.diagnosis.hypothesis import Linear
 from mofit.diagnosis.integration import stable
+from mofit.diagnosis.left_out import REFIT, REFIT_OF_GROUPS, leave_out
 from mofit.diagnosis.mean_squares import mean_squares, noise_squares, products_of_tests
 from mofit.diagnosis.model_search import Attribution
-from mofit.diagnosis.nuisances import with_own_nuisances
 from mofit.diagnosis.predicted_shrinkage import predicted_share
 from mofit.diagnosis.predictive_density import deviance
 from mofit.diagnosis.projection import project
@@ -26,20 +25,11 @@ from mofit.diagnosis.remainder import Evidence
 from mofit.diagnosis.removed_share import Squares, interval, joined
 from mofit.diagnosis.shrinkage import HeldOut, HoldOut, Kind, Share, Shrinkage
 from mofit.diagnosis.whitened_data import WhitenedData
-from mofit.optimize import RefineSettings, minimise_each
+from mofit.optimize import RefineSettings
 from mofit.runtime.parallel import forked_map
 
 #: Hold-outs that are fitted together, by a process: few enough to share the work, and enough to simulate side by side.
 _TOGETHER = 4
-#: Four Gauss–Newton steps from the minimum of all tests to that of all but one, which is near; the damping keeps flat
-#: directions solvable.
-_REFIT = RefineSettings(
-    max_iterations=4, gradient_tolerance=0.0, decrease_tolerance=0.0, damping=1e-6, least_damping=1e-6
-)
-#: Without a whole group the minimum may be farther away.
-_REFIT_OF_GROUPS = RefineSettings(
-    max_iterations=20, gradient_tolerance=0.02, decrease_tolerance=1e-3, damping=1e-6, least_damping=1e-6
-)
 #: Draws of the parameters for the interval: 5 % quantiles within 1 % of probability.
 _DRAWS = 400
 #: p-value below which rotating and slow lines hold a gap that counts on the raw data.
@@ -58,8 +48,8 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
     single = [Group(name, (number,)) for number, name in enumerate(observed.problem.tests)]
     together = groups(observed, found.best.fitted.hypothesis.effects)
     kinds: dict[Kind, list[_Predicted]] = {
-        "test": list(_predicted(found, reference, single, _REFIT)),
-        "group": list(_predicted(found, reference, together, _REFIT_OF_GROUPS)),
+        "test": list(_predicted(found, reference, single, REFIT)),
+        "group": list(_predicted(found, reference, together, REFIT_OF_GROUPS)),
     }
     limit = float(np.mean([one.squares.before[0].sum() for one in kinds["test"]]))
     judged = {kind: [one.judged(limit) for one in predicted] for kind, predicted in kinds.items()}
@@ -71,28 +61,6 @@ def cross_validate(found: Attribution, candidates: Sequence[Candidate], seed: in
     added = [scores[name].sensitivity for name in found.best.effects if name in scores]
     predicted = predicted_share(found.baseline, added, reference.remainder)
     return Shrinkage(tuple(shares), predicted, tuple(reversed(once.values())))
-
-
-def leave_out(
-    fitted: Fitted, tests: Sequence[Sequence[int]], settings: RefineSettings = _REFIT
-) -> tuple[Hypothesis, FloatArray]:
-    """The hypothesis and its minima without some tests each, (hold-outs, d); by few periods where these do."""
-    brief = of_few_periods(fitted)
-    few, observed = brief.hypothesis, brief.hypothesis.observed
-    kept = np.ones((len(tests), len(brief.residual)), dtype=bool)
-    kept[:, : len(observed.measured)] = [~np.isin(observed.test, some) for some in tests]
-
-    def without(points: FloatArray, number: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        first = np.all(points == brief.minimum.point)  # where all start, what is known need not be simulated
-        found = Linear(brief.residual[None], brief.jacobian[None]) if first else few.linear(points)
-        used = kept[number]
-        return Linear(np.where(used, found.residual, 0.0), found.jacobian * used[..., None]).normal_equations()
-
-    starts = np.repeat(brief.minimum.point[None], len(tests), axis=0)
-    points = minimise_each(without, starts, settings).points
-    points, model = with_own_nuisances(few, points, tests, settings), fitted.hypothesis
-    # what is too stiff for the test that was left out shows there alone
-    return at_steps_for(model, points, model.steps), points
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from damper_rig import SIMULATORS, damper_campaign, damper_diagnosis, truth
 
 from mofit.data import Campaign
 from mofit.diagnosis.baseline import fit_baseline, set_up
-from mofit.diagnosis.cross_validation import leave_out
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.final_estimates import with_final_estimates
 from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.left_out import leave_out
 from mofit.diagnosis.mean_squares import mean_squares
 from mofit.diagnosis.model_search import attribute
 from mofit.diagnosis.residual_map import residual_map
