@@ -10,12 +10,13 @@ from mofit.data import Campaign
 from mofit.diagnosis.baseline import fit_baseline, set_up
 from mofit.diagnosis.diagnose import diagnose
 from mofit.diagnosis.final_estimates import with_final_estimates
-from mofit.diagnosis.fitting import Fitted
+from mofit.diagnosis.fitting import Fitted, fit_to
 from mofit.diagnosis.left_out import leave_out
 from mofit.diagnosis.mean_squares import mean_squares
 from mofit.diagnosis.model_search import attribute
 from mofit.diagnosis.residual_map import residual_map
 from mofit.diagnosis.settings import DiagnosisSettings
+from mofit.diagnosis.whitened_data import with_discrepancy
 from mofit.identification.settings import Settings
 from mofit.models import find_model
 from mofit.simulation.virtual_rig import plan as plans
@@ -110,3 +111,18 @@ def test_fits_without_a_test_are_integrated_finely_enough_for_it() -> None:
     assert model.simulator.steps > 1
     finer = model.with_steps(2 * model.simulator.steps)
     assert np.max(np.abs(finer.linear(points).residual - model.linear(points).residual)) < 0.5
+
+
+def test_final_estimates_are_exact_where_a_model_may_be_a_rival() -> None:
+    found = damper_diagnosis((("dry_friction", (("F_d", 30.0),)),)).attribution
+    observed, remainder = found.baseline.hypothesis.observed, 0.003
+    final = with_final_estimates(found, observed, remainder, found.models)
+    noisy = with_discrepancy(observed, remainder, everywhere=True)
+    exact = [fit_to(noisy, one.fitted).minimum.value for one in found.models]
+    least = final.baseline.minimum.value - 0.25 * (final.baseline.minimum.value - exact[0])
+    near = [value <= least for value in exact]
+    assert any(near[1:])
+    assert not all(near)
+    for one, value, rival in zip(final.models, exact, near, strict=True):
+        beyond = one.fitted.minimum.value - value
+        assert -1e-3 < beyond < (1e-2 if rival else 0.1 * (value - least) + 1e-2)

@@ -1,13 +1,18 @@
 """What a fit has computed is not computed again."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.hypothesis import Linear
 from mofit.diagnosis.remembered import Remembered
+from mofit.runtime.parallel import may_fork
+from mofit.runtime.team import team
 
 
 @dataclass
@@ -50,3 +55,27 @@ def test_a_point_that_fails_is_never_the_lowest() -> None:
     value, *_ = remembered.evaluate(np.stack([failed, good]))
     assert np.isnan(value[0])
     np.testing.assert_allclose(remembered.linear(good)[0], good - [0.3, 0.6])
+
+
+@pytest.mark.skipif(not may_fork(), reason="needs fork and two cores")
+def test_a_team_shares_the_points_of_a_fit() -> None:
+    class Wide(_Bowl):
+        observed = SimpleNamespace(measured=np.empty(20_000), processes=2)
+
+        def linear(self, u: FloatArray) -> Linear:
+            time.sleep(0.1)  # meanwhile the other one takes its part
+            return super().linear(u)
+
+    points = np.random.default_rng(0).random((5, 2))
+    alone, bowl = Remembered(_Bowl()), Wide()  # type: ignore[arg-type]
+    remembered = Remembered(bowl)  # type: ignore[arg-type]
+    with team(2):
+        found, asked = remembered.evaluate(points), len(bowl.asked)
+        again = remembered.evaluate(points[::-1])
+        rows = [remembered.linear(point) for point in points]
+    for new, backwards, old in zip(found, again, alone.evaluate(points), strict=True):
+        np.testing.assert_array_equal(new, old)
+        np.testing.assert_array_equal(backwards, old[::-1])
+    assert asked in (2, 3)
+    for (residual, _), point in zip(rows, points, strict=True):
+        np.testing.assert_array_equal(residual, point - [0.3, 0.6])
