@@ -81,7 +81,8 @@ def investigate(
     """Test, refit and compare the effects; conclude.
 
     The noise of a record that does not repeat is what past inputs do not predict: part of a gap may be in it, as one
-    that drifts, or all of it. Where the best effects show that, all is done again with the noise that they leave.
+    that drifts, or all of it. Where the best effects show that, all is done again with the noise that they leave, if
+    that makes the records more probable.
     """
     case = _investigated(baseline, effects, settings, progress)
     for _ in range(_NOISE_ROUNDS):
@@ -93,7 +94,7 @@ def investigate(
         if not best.effects or share_left(best.fitted, without) > 1 - settings.partly:
             explained.append(_best_by_squares(without, effects, settings, seed, progress))
         quieter = min((_with_noise_left(one, observed) for one in explained), key=_log_power)
-        if quieter is observed:
+        if quieter is observed or _log_power(quieter) >= _log_power(observed):
             break
         case = _investigated(fit_baseline(quieter, without.minimum.point, seed), effects, settings, progress)
     return case
@@ -139,7 +140,18 @@ def _investigated(baseline: Fitted, effects: Sequence[Effect], settings: Diagnos
     every = prepared(baseline, effects, progress)
     stiff = {candidate.name: _TOO_STIFF for candidate in every if not candidate.integrates}
     found = attribute(baseline, _integrating(every), settings, progress)
-    return _case(settings, _integrating(every), stiff, found)
+    return _with_one_effect(_case(settings, _integrating(every), stiff, found))
+
+
+def _with_one_effect(case: Case) -> Case:
+    """The case with one effect alone where that explains the gap, and several leave something significant, too.
+
+    Then none is exact, and others beside it follow what its law misses.
+    """
+    if len(case.found.best.effects) < 2 or case.found.best_residuals.p_value >= case.settings.residual_p_value:
+        return case
+    alone = case.with_fewer_effects(1)
+    return alone if alone.conclusion.verdict == "effect" else case
 
 
 def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:
