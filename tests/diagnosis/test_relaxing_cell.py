@@ -33,6 +33,13 @@ def test_a_cell_without_its_branch():
     assert np.all(np.array(list(found.nrmsd_after.values())) < 1.2 * np.array(list(found.noise_floor.values())))
 
 
+@pytest.mark.parametrize(("seed", "slow"), [(1, (0.002, 12.0)), (0, (0.001, 10.0))])
+def test_what_one_branch_misses_of_two_is_no_other_cause(seed, slow):
+    found = diagnose(cell(seed=seed, slow=slow), Resistor(), (), Settings(seed=0, jobs=1))
+    assert found.conclusion.verdict == "effect"
+    assert [one.name for one in found.conclusion.effects] == ["relaxation"]
+
+
 def test_a_cell_that_is_a_resistance_has_no_gap():
     found = diagnose(cell(seed=1, branch=0.0), Resistor(), (), Settings(seed=0, jobs=1))
     assert found.conclusion.verdict == "none"

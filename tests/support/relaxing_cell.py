@@ -31,20 +31,21 @@ class Resistor(Model):
         return Equations(outputs={"voltage": s.U_0 + s.R_0 * s.current})
 
 
-def step(time, start, branch):
+def step(time, start, branches):
     """Voltage per ampere that flows from ``start`` on."""
-    on = time >= start
-    return np.where(on, SERIES + branch * (1 - np.exp(-(time - start) / TAU)), 0.0)
+    relaxed = sum(size * (1 - np.exp(-(time - start) / tau)) for size, tau in branches)
+    return np.where(time >= start, SERIES + relaxed, 0.0)
 
 
-def cell(noise=2e-4, seed=0, branch=BRANCH) -> Campaign:
-    """Four records; a branch of 0 ohm leaves the resistance."""
+def cell(noise=2e-4, seed=0, branch=BRANCH, slow=(0.0, 1.0)) -> Campaign:
+    """Four records; a branch of 0 ohm leaves the resistance. ``slow`` is a further one: resistance, time constant."""
+    branches = ((branch, TAU), slow)
     rng, tests = np.random.default_rng(seed), []
     time = np.arange(200) * 0.05
     for number, (rest, pulses) in enumerate(PULSES):
         current = sum(size * ((time >= start) & (time < end)) for start, end, size in pulses)
         voltage = rest + sum(
-            size * (step(time, start, branch) - step(time, end, branch)) for start, end, size in pulses
+            size * (step(time, start, branches) - step(time, end, branches)) for start, end, size in pulses
         )
         experiment = Experiment(
             f"pulses_{number}", "free", time, {"current": current.astype(float)}, {}, interpolation="hold"
