@@ -148,10 +148,19 @@ def _with_one_effect(case: Case) -> Case:
 
     Then none is exact, and others beside it follow what its law misses.
     """
-    if len(case.found.best.effects) < 2 or case.found.best_residuals.p_value >= case.settings.residual_p_value:
+    several = case.found.best.effects
+    if len(several) < 2 or case.found.best_residuals.p_value >= case.settings.residual_p_value:
         return case
     alone = case.with_fewer_effects(1)
-    return alone if alone.conclusion.verdict == "effect" else case
+    if alone.conclusion.verdict != "effect":
+        return case
+    (name,) = alone.found.best.effects
+    why = f"not named, as {name} alone explains the gap and several are not exact either"
+    accounts = tuple(
+        replace(one, reason=f"{one.reason}; {why}") if one.name in several and one.name != name else one
+        for one in case.found.accounts
+    )
+    return replace(alone, found=replace(alone.found, accounts=accounts))
 
 
 def _integrating(candidates: Sequence[Candidate]) -> list[Candidate]:

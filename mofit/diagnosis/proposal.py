@@ -144,7 +144,7 @@ def propose(
     trials = list[Trial]()
     for start in starts:
         trials.append(in_all_periods(start, searched(of_few_periods(start), least)))
-        # of what is simpler than any term beside the main cause, and leaves no more than the noise, nothing is better
+        # a single term that leaves no more than the noise: no term beside the main cause is as simple
         if trials[-1].effect and trials[-1].parts == 1 and trials[-1].error <= noise.sum():
             break
     best = simplest(trials, least)

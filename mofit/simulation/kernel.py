@@ -23,7 +23,8 @@ from mofit.simulation.time_grid import StepLevel
 
 #: steps whose part of a table is made at once
 _PART = 20_000
-#: steps that a loop takes until its code is made well: what one that was made quickly loses in them takes as long
+#: steps that a loop takes until its code is made well: what it loses in them takes about as long, of any program, as
+#: both grow with the number of operations
 _MANY = 400_000
 
 

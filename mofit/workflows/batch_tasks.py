@@ -167,10 +167,9 @@ def _identify(task: Task) -> dict[str, Any]:
 
 def _diagnose(task: Task) -> dict[str, Any]:
     shutil.rmtree(task.folder, ignore_errors=True)  # finished, and ended before its row was written
+    job = Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder)
     with page_beside() as drawn:
-        return diagnose_file(Job(task.file, task.model, task.effects, settings=task.settings, out=task.folder), drawn)[
-            1
-        ]
+        return diagnose_file(job, drawn)[1]
 
 
 #: what is done with a campaign, by the name of the command

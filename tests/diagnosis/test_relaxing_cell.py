@@ -40,6 +40,12 @@ def test_what_one_branch_misses_of_two_is_no_other_cause(seed, slow):
     assert [one.name for one in found.conclusion.effects] == ["relaxation"]
 
 
+def test_what_fits_better_beside_the_cause_is_not_dropped_in_silence():
+    found = diagnose(cell(seed=1, slow=(0.002, 12.0)), Resistor(), (), Settings(seed=0, jobs=1))
+    (beside,) = [one for one in found.attribution.accounts if "with relaxation the best" in one.reason]
+    assert "relaxation alone explains the gap" in beside.reason
+
+
 def test_a_cell_that_is_a_resistance_has_no_gap():
     found = diagnose(cell(seed=1, branch=0.0), Resistor(), (), Settings(seed=0, jobs=1))
     assert found.conclusion.verdict == "none"

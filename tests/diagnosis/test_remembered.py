@@ -63,7 +63,7 @@ def test_a_team_shares_the_points_of_a_fit() -> None:
         observed = SimpleNamespace(measured=np.empty(20_000), processes=2)
 
         def linear(self, u: FloatArray) -> Linear:
-            time.sleep(0.1)  # meanwhile the other one takes its part
+            time.sleep(0.3)  # meanwhile the other one takes its part
             return super().linear(u)
 
     points = np.random.default_rng(0).random((5, 2))

@@ -70,8 +70,8 @@ class Emitter:
         build.position_at_end(inside)
         following = [build.add(k, integer(1)), *body(k, now)]
         for phi, start, end in zip([k, *now], [integer(0), *carried], following, strict=True):
-            build.come(phi, start, before)
-            build.come(phi, end, build.block)
+            build.add_incoming(phi, start, before)
+            build.add_incoming(phi, end, build.block)
         build.branch(head)
         build.position_at_end(after)
         return now

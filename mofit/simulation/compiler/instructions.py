@@ -1,6 +1,6 @@
 """LLVM instructions, written as text: of a graph there are thousands, and objects for each would take longer to make.
 
-The names are those of LLVM's language reference.
+Methods are named as in LLVM's language reference, or in llvmlite, where there is one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Value(NamedTuple):
 
 @dataclass(eq=False)
 class Block:
-    """Instructions that follow one another, under a label; of those at its start more may be told later."""
+    """Instructions that follow one another, under a label; first those that depend on the block before."""
 
     label: str
     lines: list[str] = field(default_factory=list)
@@ -72,7 +72,7 @@ class Builder:
 
     def __init__(self, arguments: Sequence[str]) -> None:
         self.arguments = [Value(f"%a{k}", kind) for k, kind in enumerate(arguments)]
-        self.declared: dict[str, str] = {}
+        self._declared: dict[str, str] = {}
         self._blocks, self._count = [Block("entry")], 0
         self.block = self._blocks[0]
 
@@ -80,7 +80,7 @@ class Builder:
         """The module."""
         given = ", ".join(one.typed for one in self.arguments)
         blocks = "\n".join(block.text for block in self._blocks)
-        parts = [f"define void @run({given}) #0 {{", blocks, "}", *self.declared.values()]
+        parts = [f"define void @run({given}) #0 {{", blocks, "}", *self._declared.values()]
         return "\n".join([*parts, f"attributes #0 = {attributes}", ""])
 
     def append_block(self) -> Block:
@@ -159,7 +159,7 @@ class Builder:
     def call(self, name: str, kind: str, arguments: Sequence[Value]) -> Value:
         """Result of a function, of this type."""
         types = ", ".join(one.type for one in arguments)
-        self.declared.setdefault(name, f"declare {kind} @{name}({types})")
+        self._declared.setdefault(name, f"declare {kind} @{name}({types})")
         return self._write(kind, f"call {kind} @{name}({', '.join(one.typed for one in arguments)})")
 
     def gep(self, base: Value, place: Value, kind: str) -> Value:
@@ -192,15 +192,15 @@ class Builder:
         return self._write(vector(F64, len(places)), f"shufflevector {values.typed}, {values.type} undef, {mask.typed}")
 
     def phi(self, kind: str) -> Value:
-        """A value that depends on the block before this one; see `come`."""
+        """A value that depends on the block before this one; see `add_incoming`."""
         found = self._name(kind)
         self.block.phis[found] = []
         return found
 
-    def come(self, phi: Value, value: Value, before: Block) -> None:
-        """What a `phi` is after a block."""
-        home = next(block for block in self._blocks if phi in block.phis)
-        home.phis[phi].append(f"[{value.text}, %{before.label}]")
+    def add_incoming(self, phi: Value, value: Value, before: Block) -> None:
+        """The value of a `phi` where a block came before."""
+        own = next(block for block in self._blocks if phi in block.phis)
+        own.phis[phi].append(f"[{value.text}, %{before.label}]")
 
     def branch(self, to: Block) -> None:
         """Go on there."""

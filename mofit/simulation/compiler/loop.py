@@ -230,8 +230,8 @@ class _Loop:
         merged = []
         for old, new in zip(sums, added, strict=True):
             phi = build.phi(self.emit.type)
-            build.come(phi, old, before)
-            build.come(phi, new, inside)
+            build.add_incoming(phi, old, before)
+            build.add_incoming(phi, new, inside)
             merged.append(phi)
         return merged
 
