@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import mofit
+import mofit.data
+import mofit.results
 from architecture import (
     MOST_LOOSE,
     MOST_PACKAGES,
@@ -192,6 +194,10 @@ def test_face_gives_what_it_names() -> None:
     assert mofit.Model is Model
     assert mofit.Parameter is Parameter
     assert set(mofit.__all__) == set(dir(mofit))
+    for package in (mofit.data, mofit.results):
+        assert all(hasattr(package, name) for name in package.__all__)
+        with pytest.raises(AttributeError, match=rf"'{package.__name__}' has no attribute 'Modell'"):
+            _ = package.Modell
     with pytest.raises(AttributeError, match="no attribute 'Modell'"):
         mofit.Modell  # noqa: B018 - the access is what is tested
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from mofit.runtime.late_imports import at_first_use
 
 if TYPE_CHECKING:
     from mofit.data.campaign import Campaign, Experiment, Measurement, overview
     from mofit.data.campaign_file import bundled_campaign, read_campaign, write_campaign
     from mofit.data.importers.importer import import_files
     from mofit.data.importers.map_proposal import propose_map
-    from mofit.data.join import joined
+    from mofit.data.join import joined, read_joined
     from mofit.data.quality import campaign_warnings, check_campaign
 
 __all__ = [
@@ -25,23 +26,26 @@ __all__ = [
     "overview",
     "propose_map",
     "read_campaign",
+    "read_joined",
     "write_campaign",
 ]
 
-#: modules of the names, which are imported at first use: the process that reads a binary file needs none
-_HOMES = {
-    "bundled_campaign": "campaign_file",
-    "campaign_warnings": "quality",
-    "check_campaign": "quality",
-    "import_files": "importers.importer",
-    "joined": "join",
-    "propose_map": "importers.map_proposal",
-    "read_campaign": "campaign_file",
-    "write_campaign": "campaign_file",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(import_module(f"{__name__}.{_HOMES.get(name, 'campaign')}"), name)
+# the process that reads a binary file needs none of them
+__getattr__ = at_first_use(
+    __name__,
+    {
+        "Campaign": "campaign",
+        "Experiment": "campaign",
+        "Measurement": "campaign",
+        "bundled_campaign": "campaign_file",
+        "campaign_warnings": "quality",
+        "check_campaign": "quality",
+        "import_files": "importers.importer",
+        "joined": "join",
+        "overview": "campaign",
+        "propose_map": "importers.map_proposal",
+        "read_campaign": "campaign_file",
+        "read_joined": "join",
+        "write_campaign": "campaign_file",
+    },
+)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from mofit._typing import FloatArray
 from mofit.data.campaign import Campaign, Experiment, Measurement
@@ -19,6 +18,9 @@ from mofit.errors import InputError, Issue, did_you_mean, raise_errors
 from mofit.quantities import CHANNELS, EXCITATION_KINDS, INTERPOLATIONS, PERIODIC_EXCITATIONS, known_unit
 from mofit.runtime.files import read_tree, write_tree
 from mofit.units import UnitError, si_unit, to_si
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 BUNDLED = "paper_campaign.nc"
 _HERE = Path(__file__).resolve().parent

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from mofit.data.campaign import Campaign, Measurement
 from mofit.data.names import shown
 from mofit.data.validation import experiment_issues
 from mofit.errors import Issue
 from mofit.quantities import known_unit, title_of
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SCHEMA = "mofit.campaign/1"
 #: numbers of a test that are attributes of its group
@@ -60,6 +62,8 @@ def measurement_issues(measurement: Measurement) -> list[Issue]:
 
 def campaign_tree(campaign: Campaign) -> xr.DataTree:
     """The content of the campaign's file."""
+    import xarray as xr  # late, see `read_tree`
+
     extra = {k: v if isinstance(v, str | int | float) else str(v) for k, v in campaign.attributes.items()}
     attributes = {**extra, "schema": SCHEMA, "title": campaign.title, "source": campaign.source}
     groups = {"/": xr.Dataset(_scalars(campaign.conditions, campaign.units), attrs=attributes)}

@@ -33,7 +33,6 @@ from mofit.diagnosis.settings import DiagnosisSettings
 from mofit.diagnosis.shrinkage import Shrinkage
 from mofit.diagnosis.whitened_data import MOST_PROCESSES, WhitenedData
 from mofit.identification.allowance import SIMULATIONS_SPENT, all_simulated, simulations_told
-from mofit.identification.conditions import with_laws_of_conditions
 from mofit.identification.held_out import of_conditions, remaining_tests, without_held_out
 from mofit.identification.inputs import as_campaign, as_effects, as_model, as_names
 from mofit.identification.settings import Settings
@@ -122,7 +121,10 @@ def _diagnosed(
     campaign, merged = at_set_points(campaign, settings.over, settings.set_points)
     whole, campaign = campaign, without_held_out(campaign, hold_out)
     tests = remaining_tests(model, campaign, whole, tests)
-    over, (model, settings) = settings.over, with_laws_of_conditions(campaign, model, settings, tests, progress)
+    if over := settings.over:
+        from mofit.identification.conditions import with_laws_of_conditions  # late: it identifies, and samples
+
+        model, settings = with_laws_of_conditions(campaign, model, settings, tests, progress)
     records = whole.select(hold_out) if hold_out else None
     selected = campaign.select(tests)
     laws, scales = missing_laws(model, selected, over, settings.fixed), data_scales(model, selected)

@@ -165,9 +165,7 @@ def refuse_for_specimens(
 def with_laws_of_conditions(
     campaign: Campaign, model: Model, settings: Settings, tests: Sequence[str], progress: Progress = silent
 ) -> tuple[Model, Settings]:
-    """Model and settings with the laws that the conditions ask for; as they are where the settings name none."""
-    if not settings.over:
-        return model, settings
+    """Model and settings with the laws that the conditions of ``settings.over`` ask for."""
     study = study_conditions(campaign, model, settings, tests, progress=progress)
     return study.model(model), replace(study.settings(settings), over=(), laws={})
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from mofit.data import Campaign
 from mofit.errors import InputError, raise_errors
 from mofit.identification.problem_setup import choose_tests
 from mofit.models import Model
-from mofit.prediction import HELD_OUT, predict_records, prediction_groups
 from mofit.simulation import lacking
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 def of_conditions(campaign: Campaign, hold_out: Sequence[str]) -> tuple[str, ...]:
@@ -95,6 +96,10 @@ def with_predictions(
     """A result with predictions of the tests held out, and in their table those of the fitted ones."""
     if not held_out:
         return tree
+    import xarray as xr
+
+    from mofit.prediction import HELD_OUT, predict_records, prediction_groups
+
     records = campaign.select([*held_out, *fitted])
     predictions = predict_records(tree, model, records, fitted=fitted, role=HELD_OUT, jobs=jobs)
     groups = {path: xr.DataTree(own) for path, own in prediction_groups(tree, model, predictions).items()}

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Numbers of a predicted test, in the order of a table.
 NUMBERS = ("nrmsd", "rms", "coverage", "range", "parameter_sd", "noise_sd", "model_error")

@@ -9,10 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from mofit.errors import InputError, WriteError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: values from which a variable is compressed: the header of a chunk takes more than a shorter one saves
 _SMALLEST_COMPRESSED = 256
@@ -141,6 +143,8 @@ def read_tree(path: Path, hint: str, *, indexes: bool = True) -> xr.DataTree:
     InputError
         If there is no such file, or it cannot be read; with the ``hint`` if it is damaged.
     """
+    import xarray as xr  # late: its import takes a fifth of a second, and most who write files need none
+
     where = f"file '{path.name}'"
     if not path.is_file():
         raise InputError.of(where, f"there is no file '{path}'", "Check the path")

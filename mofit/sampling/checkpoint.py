@@ -8,9 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
 from mofit._typing import FloatArray
@@ -20,6 +19,9 @@ from mofit.sampling.bend import Bend
 from mofit.sampling.ensemble import Ensemble
 from mofit.sampling.independence_proposal import StudentTMixture
 from mofit.sampling.state import Run
+
+if TYPE_CHECKING:
+    import h5py
 
 #: attributes of a mode's group, in `Run`
 _FACTS: dict[str, Callable[[Any], Any]] = {
@@ -75,6 +77,8 @@ class Checkpoints:
         """The same run, saved if it is time: a new file, flushed to disk, takes the place of the old one."""
         if self.path is None or run is self.saved or not (last or monotonic() - self.time >= self.seconds):
             return run
+        import h5py  # late: only who samples needs it
+
         # in memory first: on a full disk HDF5 cannot close its file, and ends the process
         with h5py.File(self.path.name, "w", driver="core", backing_store=False) as new:
             if self.path.exists():
@@ -100,6 +104,8 @@ class Checkpoints:
         """
         if self.path is None or not self.path.exists():
             return None
+        import h5py
+
         try:
             file = h5py.File(self.path, "r")
         except OSError as error:
