@@ -201,9 +201,9 @@ def diagnose(
     out
         Folder for diagnosis.html and diagnosis.json. By default the next free one under runs/.
     """
-    from mofit.diagnosis.page_beside import page_beside
+    from mofit.diagnosis.page_beside import reader_beside
 
-    with page_beside() as drawn:  # its process imports while this one does
+    with reader_beside(files) as (read, drawn):  # while this process imports
         from mofit.cli.diagnosis_shown import show_diagnosis
         from mofit.cli.output import progress_bar
         from mofit.identification.settings import Settings
@@ -226,8 +226,8 @@ def diagnose(
             jobs=cores(jobs),
         )
         named = fmu_reference(model, map_file, free)
-        job = Job(files, named, effects, (), test, settings, out, hold_out=hold_out, included=include)
         with progress_bar() as progress, ended_in(time_limit):
+            job = Job(read(), named, effects, (), test, settings, out, hold_out=hold_out, included=include)
             folder, found = diagnose_file(job, drawn, progress)
     if as_json:
         print_json({**found, "folder": str(folder)})

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from mofit.data.campaign import Campaign, Measurement
+from mofit.data.campaign_file import read_campaign
 from mofit.data.names import LONGEST_TITLE
 from mofit.errors import InputError, Issue, raise_errors, repeated
 
@@ -13,6 +15,17 @@ from mofit.errors import InputError, Issue, raise_errors, repeated
 SPECIMEN = "specimen"
 #: attribute with the names of the campaigns, one a line
 SPECIMENS = "specimens"
+
+
+def read_joined(files: Sequence[Path]) -> Campaign:
+    """The campaigns of at least one file as one; see `joined`.
+
+    Raises
+    ------
+    InputError
+        As `read_campaign` and `joined`.
+    """
+    return joined([read_campaign(file) for file in files], [file.stem for file in files])
 
 
 def joined(campaigns: Sequence[Campaign], names: Sequence[str]) -> Campaign:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from mofit.data import Campaign, bundled_campaign, joined
 from mofit.errors import InputError
-from mofit.identification.identify import Settings, identify
 from mofit.identification.inputs import as_campaign, as_effect, as_model
+from mofit.identification.settings import Settings
 from mofit.models import Effect, Model, default_model, with_effects
 from mofit.quantities import EXCITATION_KINDS
-from mofit.results import summary
 from mofit.runtime.progress import Progress, silent
 from mofit.runtime.run_directory import run_folder
 from mofit.simulation.requirements import stated_conditions
@@ -59,6 +58,8 @@ class Job:
 
 def identified(job: Job, progress: Progress = silent) -> tuple[Path, xr.DataTree]:
     """Read, identify, write the run folder and its report; returns the folder and the result."""
+    from mofit.identification.identify import identify
+
     campaign, chosen = _inputs(job, progress)
     model = _with_effects(chosen, job.effects, campaign)
     return identify(
@@ -69,6 +70,8 @@ def identified(job: Job, progress: Progress = silent) -> tuple[Path, xr.DataTree
 
 def identify_file(job: Job, progress: Progress = silent) -> tuple[Path, dict[str, Any]]:
     """As `identified`; returns the folder and what ``--json`` prints."""
+    from mofit.results import summary
+
     folder, tree = identified(job, progress)
     return folder, summary(tree, folder)
 

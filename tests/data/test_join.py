@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mofit.data import Campaign, Experiment, Measurement, joined
+from mofit.data import Campaign, Experiment, Measurement, joined, read_joined, write_campaign
 from mofit.data.join import specimen_name, varying_conditions
 from mofit.errors import InputError
 
@@ -34,6 +34,15 @@ def test_tests_of_several_campaigns_keep_their_conditions():
 def test_one_campaign_is_itself():
     one = campaign("one", 2e3)
     assert joined([one], ["a"]) is one
+
+
+def test_files_are_joined_by_their_names(tmp_path):
+    campaigns, files = [campaign("one", 2e3), campaign("two", 3e3)], [tmp_path / "a.nc", tmp_path / "b.nc"]
+    for one, file in zip(campaigns, files, strict=True):
+        write_campaign(one, file)
+    assert read_joined(files).hash() == joined(campaigns, ["a", "b"]).hash()
+    with pytest.raises(InputError, match=r"c\.nc"):
+        read_joined([*files, tmp_path / "c.nc"])
 
 
 def test_what_cannot_be_joined_is_refused():

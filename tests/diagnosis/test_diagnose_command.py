@@ -12,7 +12,9 @@ from damper_with_offsets import damper_with_offsets
 from published_schemas import violations
 
 from mofit.cli import main
-from mofit.data import write_campaign
+from mofit.data import read_campaign, write_campaign
+from mofit.diagnosis.page_beside import reader_beside
+from mofit.errors import InputError
 
 FRICTION = (("dry_friction", (("F_d", 30.0),)),)
 OWN = """
@@ -73,7 +75,26 @@ def test_bad_input_writes_nothing(campaign_file: Path, tmp_path: Path, capsys) -
     assert "no_such" in capsys.readouterr().err
     assert not out.exists()
     assert main(["diagnose", str(tmp_path / "absent.nc"), "--out", str(out)]) == 2
+    assert "there is no file" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_the_process_beside_reads_as_this_one(campaign_file: Path, tmp_path: Path) -> None:
+    with reader_beside([campaign_file]) as (read, _):
+        assert read().hash() == read_campaign(campaign_file).hash()
+    with reader_beside([]) as (read, _):  # the bundled campaign is for the job to find
+        assert read() == ()
+    with reader_beside([tmp_path / "absent.nc"]) as (read, _), pytest.raises(InputError, match="there is no file"):
+        read()
+
+
+def test_a_diagnosis_begins_without_what_it_does_not_need() -> None:
+    """Each takes a twentieth to a fifth of a second of the five that a diagnosis takes."""
+    unneeded = ("xarray", "pandas", "netCDF4", "h5py", "pydantic", "emcee", "matplotlib")
+    script = "import sys, mofit.cli.diagnosis_shown, mofit.workflows.jobs, mofit.diagnosis.diagnose\n"
+    script += f"print([name for name in {unneeded} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.slow
