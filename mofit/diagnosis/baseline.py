@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import qmc
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
@@ -23,7 +24,6 @@ from mofit.errors import InputError
 from mofit.identification.calibration import calibrated_values
 from mofit.identification.problem_setup import ProblemSetup, set_up_problem
 from mofit.identification.settings import Settings
-from mofit.identification.stages import search
 from mofit.identification.steady_start import leads_said, led_in, steady_from_start
 from mofit.identification.widening import MOST, WORTH, beyond_ends, widenings
 from mofit.models import Model
@@ -73,6 +73,8 @@ def _started(setup: ProblemSetup, simulators: SimulatorCache | None) -> tuple[Wh
 
 def _minima(setup: ProblemSetup, most: int) -> FloatArray:
     """Starts (k, d): the best minima that the search finds."""
+    from mofit.identification.stages import search  # late: few baselines are searched for
+
     found, _ = search(setup.searched, setup.settings)
     space = setup.posterior.main.space
     values = setup.searched.layout.values(found.archived_points[:most], space.names)
@@ -195,8 +197,6 @@ def fit_baseline(
     They are those of the campaign; from each the others start at what is best there. The minimum's ``members`` are the
     starts whose descents ended there.
     """
-    from scipy.stats import qmc  # late: its import takes half a second
-
     model, starts = hypothesis(observed), np.atleast_2d(starts)[:, : len(observed.problem.space)]
     start, searched = starts[0], np.ones(starts.shape[1], dtype=bool)
     searched[[model.space.index(name) for name in observed.problem.prior.names]] = False

@@ -6,6 +6,7 @@ Gauss-Newton descents from there end where a search ends, which takes many more 
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import qmc
 
 from mofit._typing import FloatArray
 from mofit.identification.problem_setup import ProblemSetup
@@ -18,8 +19,6 @@ _POINTS, _BEST = 256, 12
 
 def best_points(setup: ProblemSetup) -> FloatArray:
     """Values (k, d) of the problem's parameters that fit best of a sample of what is searched, the best first."""
-    from scipy.stats import qmc  # late: its import takes half a second
-
     searched = setup.searched
     points = qmc.Sobol(len(searched.space), rng=setup.settings.seed).random(_POINTS)
     with explained(searched):

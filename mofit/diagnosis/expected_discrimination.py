@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from mofit._typing import FloatArray
 
@@ -100,4 +100,4 @@ def rejection_probability(mean: FloatArray, variance: FloatArray, prior: FloatAr
     """
     share = np.log(np.maximum(prior, 1e-300))
     ahead = 2 * (share[:, None] - share)
-    return np.asarray(norm.cdf((mean + ahead - 2 * np.log(odds)) / np.sqrt(np.maximum(variance, 1e-9))))
+    return np.asarray(ndtr((mean + ahead - 2 * np.log(odds)) / np.sqrt(np.maximum(variance, 1e-9))))

@@ -20,8 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import f as fisher
+from scipy.special import chdtrc, fdtrc
 
 from mofit._typing import FloatArray
 from mofit.data.signals import noise_process, thin_svd
@@ -162,8 +161,9 @@ def _misfit(records: Sequence[Whitening], beyond: Sequence[Whitening], moving: S
     for left, noise, lines in zip(records, beyond, moving, strict=True):
         ratio = float(np.mean((left.process.spectrum / noise.process.spectrum)[lines]))
         freedom = float(np.median(noise.process.degrees_of_freedom[lines]))
-        evidence -= 2 * float(fisher.logsf(ratio, 2 * int(lines.sum()), freedom))
-    return bool(chi2.sf(evidence, 2 * len(records)) < _MISFIT)
+        p = float(fdtrc(2 * int(lines.sum()), freedom, ratio))
+        evidence -= 2 * np.log(max(p, np.finfo(float).tiny))
+    return bool(chdtrc(2 * len(records), evidence) < _MISFIT)
 
 
 def _regressed(rows: FloatArray, white: FloatArray) -> tuple[FloatArray, FloatArray]:

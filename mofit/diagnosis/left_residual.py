@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.fitting import Fitted
@@ -129,28 +129,29 @@ class Remainder:
 
     def power_test(self, name: str, where: NDArray[np.bool_]) -> ResidualTest:
         """F test of the power of some rows (m,)."""
-        expected = self.expected * self.observed.visible
-        total, count = float(np.sum(self.told[where] ** 2)), float(expected[where].sum())
-        p = self.p_value(total, count, where * expected) if count >= 0.5 else np.nan
-        return ResidualTest(name, total, count, p, self.squares(where, self.expected))
+        at = np.flatnonzero(where)
+        expected = self.expected[at] * self.observed.visible[at]
+        total, count = float(np.sum(self.told[at] ** 2)), float(expected.sum())
+        p = self.p_value(total, count, at, expected) if count >= 0.5 else np.nan
+        return ResidualTest(name, total, count, p, self.squares(at, self.expected[at]))
 
-    def p_value(self, total: float, count: float, weight: FloatArray) -> float:
-        """Of a sum of squares with so many degrees of freedom, of rows with these weights (m,).
+    def p_value(self, total: float, count: float, at: NDArray[np.intp], weight: FloatArray) -> float:
+        """Of a sum of squares with so many degrees of freedom, of rows at some places with these weights (k,).
 
         Rows of one record share a noise estimate, records do not (Satterthwaite); but constants are extrapolated alike
         in all records, from how the noise grows towards zero frequency.
         """
-        record, constant = self.observed.record, self.observed.line == 0
+        record, constant = self.observed.record[at], self.observed.line[at] == 0
         # few lines known badly make a sum uncertain, however well the others are known
-        inverse = weight / self.observed.degrees_of_freedom
+        inverse = weight / self.observed.degrees_of_freedom[at]
         own = np.bincount(record, weight) @ np.bincount(record, inverse)
         levels, unsure = constant * weight, constant * inverse
         between = levels.sum() * unsure.sum() - np.bincount(record, levels) @ np.bincount(record, unsure)
         behind = float(weight.sum() ** 2 / (own + between))
-        return float(fisher.sf(total / count, count, behind))
+        return float(fdtrc(count, behind, total / count))
 
-    def squares(self, where: NDArray[np.bool_], expected: FloatArray | float = 1.0) -> FloatArray:
-        """Mean square per test (tests,) of some rows beyond their expectation, in the output's unit²; see `sizes`."""
-        beyond = self.told**2 - expected * self.observed.visible
-        power = where * beyond * self.observed.told_variance
-        return np.asarray(np.bincount(self.observed.test, power, len(self.observed.problem.tests)), dtype=np.float64)
+    def squares(self, at: NDArray[np.intp], expected: FloatArray | float = 1.0) -> FloatArray:
+        """Mean square per test (tests,) of rows (k,) beyond their expectation, in the output's unit²; see `sizes`."""
+        observed = self.observed
+        power = (self.told[at] ** 2 - expected * observed.visible[at]) * observed.told_variance[at]
+        return np.asarray(np.bincount(observed.test[at], power, len(observed.problem.tests)), dtype=np.float64)

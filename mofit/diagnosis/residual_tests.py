@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from mofit._typing import FloatArray
 from mofit.data.signals import thin_svd
@@ -86,8 +86,8 @@ def _common_frequency(left: Remainder) -> Iterator[ResidualTest]:
     near = np.zeros(len(residual), dtype=bool)
     for own, lines, mine in zip(split, peak.near(records), kept, strict=True):
         near[own] = (lines & mine)[observed.line[own]]
-    statistic, freedom = peak.power, peak.degrees_of_freedom
-    yield ResidualTest("highest frequency", statistic, freedom, peak.p_value, left.squares(near), peak.frequency)
+    statistic, freedom, squares = peak.power, peak.degrees_of_freedom, left.squares(np.flatnonzero(near))
+    yield ResidualTest("highest frequency", statistic, freedom, peak.p_value, squares, peak.frequency)
 
 
 def _smooth_tests(left: Remainder) -> Iterator[ResidualTest]:
@@ -135,8 +135,9 @@ def _columns_test(left: Remainder, name: str, columns: FloatArray) -> ResidualTe
     kept = vectors[:, values > 1e-6 * max(values[0], 1e-300)]
     statistic, count = float(np.sum((kept.T @ left.projection.residual) ** 2)), kept.shape[1]
     power = np.sum(columns**2, axis=1)
-    p = left.p_value(statistic, count, power)
-    return ResidualTest(name, statistic, count, p, left.squares(power > 0, left.expected))
+    at = np.flatnonzero(power)
+    p = left.p_value(statistic, count, at, power[at])
+    return ResidualTest(name, statistic, count, p, left.squares(at, left.expected[at]))
 
 
 def _term_test(left: Remainder, fitted: Fitted) -> Iterator[ResidualTest]:
@@ -145,7 +146,7 @@ def _term_test(left: Remainder, fitted: Fitted) -> Iterator[ResidualTest]:
     if one is None:
         return
     observed, squares = left.observed, one.rows**2
-    p = _corrected(left.p_value(one.statistic, 1.0, squares), one.tried)
+    p = _corrected(left.p_value(one.statistic, 1.0, np.arange(len(squares)), squares), one.tried)
     size = np.asarray(np.bincount(observed.test, squares * observed.told_variance, len(observed.problem.tests)), float)
     law = f"{one.term.title}, added to {one.target.name}"
     yield ResidualTest("own signals", one.statistic, 1.0, p, size, law=law)
@@ -163,8 +164,8 @@ def _highest_line(left: Remainder, name: str) -> ResidualTest:
     lines, index = np.unique(key[where], return_inverse=True)
     power, parts = np.bincount(index, left.residual[where] ** 2), np.bincount(index)
     behind = np.bincount(index, observed.degrees_of_freedom[where]) / parts
-    p = fisher.sf(power / parts, parts, behind)
+    p = fdtrc(parts, behind, power / parts)
     best = int(np.argmin(p))
-    squares = left.squares(key == lines[best])
+    squares = left.squares(np.flatnonzero(key == lines[best]))
     corrected = _corrected(p[best], len(lines))
     return ResidualTest(f"highest {name} line", float(power[best]), float(parts[best]), corrected, squares)

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.stats import f as fisher
+from scipy.special import fdtrc, ndtri
 
 from mofit._typing import FloatArray
 from mofit.data.signals import thin_svd
@@ -219,7 +218,7 @@ def supremum_p_value(
     """
     if statistic <= 0:
         return 1.0
-    single = float(fisher.sf(statistic / len(signs), len(signs), degrees_of_freedom))
+    single = float(fdtrc(len(signs), degrees_of_freedom, statistic / len(signs)))
     if len(signs) > 1:
         return min(max(len(directions), 1) * single, 1.0)
     half = 0.5 if signs[0] else 1.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from mofit._typing import FloatArray
 from mofit.data import Measurement
@@ -233,7 +233,7 @@ def highest_frequency(
     total = np.maximum(weight.sum(axis=0), _LEAST)
     squares = np.maximum(np.sum(weight**2, axis=0), _LEAST**2)
     behind = total**2 / np.maximum(np.sum(weight**2 / freedom, axis=0), _LEAST**2 / freedom.max(axis=0))
-    p = fisher.sf(power / (2 * total), 2 * total**2 / squares, behind)
+    p = fdtrc(2 * total**2 / squares, behind, power / (2 * total))
     best = int(np.argmin(p))
     return Peak(float(grid[best]), float(power[best]), float(2 * total[best]), min(1.0, float(p[best] * len(grid))))
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from mofit._typing import FloatArray
 from mofit.data import Campaign
@@ -152,7 +152,7 @@ def of_laws(study: LawStudy | None, campaign: Campaign, merged: Sequence[str] = 
         )
         found.append(Finding("specimen", "caution", f"{text} (p = {one.p_value:.1g})."))
     fit = study.fit
-    if fit.freedom > 0 and (p := float(chi2.sf(fit.chi_square, fit.freedom))) < NO_LAW:
+    if fit.freedom > 0 and (p := float(chdtrc(fit.freedom, fit.chi_square))) < NO_LAW:
         found.append(
             Finding(
                 "laws",

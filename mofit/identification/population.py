@@ -15,8 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import norm, t
+from scipy.special import logsumexp, ndtri, stdtr
 
 from mofit._typing import FloatArray
 from mofit.identification.law_fit import CellEstimates, LawFit, fit_laws
@@ -79,7 +78,7 @@ def _population(cells: CellEstimates, k: int, z: FloatArray, variance: FloatArra
     weights = np.exp(value - logsumexp(value))
     low, middle, high = grid[np.searchsorted(np.cumsum(weights), [0.05, 0.5, 0.95])]
     whole = np.sqrt(weights @ (sd**2 + mean**2) - (weights @ mean) ** 2)
-    centre, half = float(weights @ mean), float(norm.ppf(0.95) * whole)
+    centre, half = float(weights @ mean), float(ndtri(0.95) * whole)
     ends = [centre - half, centre, centre + half]
     first, best, last = (float(value) for value in (np.exp(ends) if log else ends))
     evidence = logsumexp(value) - np.log(_SPREADS) - _given(z, variance, 0.0)[0]
@@ -106,7 +105,7 @@ def outliers(cells: CellEstimates) -> tuple[Outlier, ...]:
         for g in range(count if count > FEWEST else 0):
             rest = np.delete(np.arange(count), g)
             z, spread = _distance(cells.z[rest, k], variances[rest, k], cells.z[g, k], variances[g, k])
-            p = 2 * t.sf(abs(z), len(rest) - 1) * count * len(cells.parameters)
+            p = 2 * stdtr(len(rest) - 1, -abs(z)) * count * len(cells.parameters)
             if spread > 0 and p < FALSE_ALARM:
                 found.append(Outlier(g, one.name, float(z), float(p)))
     return tuple(sorted(found, key=lambda one: one.p_value))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from mofit._typing import FloatArray
 from mofit.quantities import title_of
@@ -122,7 +122,7 @@ def _verdict(found: dict[str, Any]) -> str:
     """Whether the laws hold."""
     if found["freedom"] < 1:
         return "As many coefficients as estimates: nothing is left to test the laws."
-    p = float(chi2.sf(found["chi_square"], found["freedom"]))
+    p = float(chdtrc(found["freedom"], found["chi_square"]))
     text = f"The {found['freedom']} estimates to spare scatter about them with chi square {found['chi_square']:.4g}"
     return f"{text} (p = {p_value(p)})" + (": no more than they may." if p > 0.01 else ": more than they may.")
 

@@ -79,7 +79,7 @@ def forked_map(
     """``[function(item) for item in items]``, computed by forked processes where that is possible, or by a `team`.
 
     What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
-    so that the processes end together. ``tell`` hears the number of every item whose result is awaited. The ``name`` of
+    in their order, so that the processes end together. ``tell`` hears the number of every item whose result is awaited. The ``name`` of
     an item tells the processes of a team that they speak of the same.
     """
 
@@ -88,8 +88,8 @@ def forked_map(
         return answer()
 
     processes, several = min(processes, len(items)), current()
-    longest = {id(item) for item in first}
-    order = sorted(range(len(items)), key=lambda number: id(items[number]) not in longest)
+    longest = {id(item): place for place, item in enumerate(first)}
+    order = sorted(range(len(items)), key=lambda number: longest.get(id(items[number]), len(longest)))
     if processes > 1 and several is not None and len(items) <= MOST_ITEMS:
         return several.map(function, items, order, name, tell)
     if processes < 2 or not may_fork():

@@ -77,7 +77,7 @@ def write_files(data: Mapping[str, Any], effect: str, folder: Path, processes: i
         ],
         data,
         processes=processes,
-        first=[residuals_section, shrinkage_section],
+        first=[residuals_section, shrinkage_section, where_section, homogeneity_section],
     )
     write_json(folder / "diagnosis.json", data)
     if effect:

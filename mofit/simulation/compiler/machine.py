@@ -101,7 +101,12 @@ def _libmvec(prefix: str) -> dict[str, int]:
 @cache
 def libm_address(name: str) -> int:
     """Address of a function of the C mathematics library."""
-    return _address(getattr(ctypes.CDLL(ctypes.util.find_library("m") or None), name))
+    return _address(getattr(_libm(), name))
+
+
+@cache
+def _libm() -> ctypes.CDLL:
+    return ctypes.CDLL(ctypes.util.find_library("m") or None)  # to look for it takes some milliseconds
 
 
 def _address(function: ctypes._CFuncPtr) -> int:  # type: ignore[name-defined]
