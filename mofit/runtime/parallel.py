@@ -79,8 +79,8 @@ def forked_map(
     """``[function(item) for item in items]``, computed by forked processes where that is possible, or by a `team`.
 
     What is returned must pickle; function and items need not. The items ``first`` take longest: they are begun first,
-    in their order, so that the processes end together. ``tell`` hears the number of every item whose result is awaited. The ``name`` of
-    an item tells the processes of a team that they speak of the same.
+    in their order, so that the processes end together. ``tell`` hears the number of every item whose result is awaited.
+    The ``name`` of an item tells the processes of a team that they speak of the same.
     """
 
     def awaited(number: int, answer: Callable[[], T]) -> T:
