@@ -196,6 +196,8 @@ def test_face_gives_what_it_names() -> None:
     assert set(mofit.__all__) == set(dir(mofit))
     for package in (mofit.data, mofit.results):
         assert all(hasattr(package, name) for name in package.__all__)
+        # a module of that name, once imported, would take its place
+        assert not any((Path(package.__file__).parent / f"{name}.py").exists() for name in package.__all__)
         with pytest.raises(AttributeError, match=rf"'{package.__name__}' has no attribute 'Modell'"):
             _ = package.Modell
     with pytest.raises(AttributeError, match="no attribute 'Modell'"):

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from mofit.results.io import is_large, open_result, write_result
     from mofit.results.laws import laws_summary
     from mofit.results.layout import OUTPUT_UNIT, OWN_UNIT
-    from mofit.results.objectives import Objective, objectives, per_objective
+    from mofit.results.objective_values import Objective, objectives, per_objective
     from mofit.results.predictions import SCOPED_SOURCES, parts_of_band, prediction_rows, prediction_summary
     from mofit.results.reading import findings, green, parameter_layout, summary
     from mofit.results.schema import SCHEMA
     from mofit.results.sentences import outcome_sentences
-    from mofit.results.simulations import simulations, simulations_line
+    from mofit.results.simulation_counts import simulations, simulations_line
     from mofit.results.variables import (
         Computed,
         Signal,
@@ -72,7 +72,7 @@ __getattr__ = at_first_use(
         "Computed": "variables",
         "OUTPUT_UNIT": "layout",
         "OWN_UNIT": "layout",
-        "Objective": "objectives",
+        "Objective": "objective_values",
         "SCHEMA": "schema",
         "SCOPED_SOURCES": "predictions",
         "Signal": "variables",
@@ -85,20 +85,20 @@ __getattr__ = at_first_use(
         "group_dataset": "variables",
         "is_large": "io",
         "laws_summary": "laws",
-        "objectives": "objectives",
+        "objectives": "objective_values",
         "open_result": "io",
         "outcome_sentences": "sentences",
         "parameter_axis": "variables",
         "parameter_layout": "reading",
         "parts_of_band": "predictions",
-        "per_objective": "objectives",
+        "per_objective": "objective_values",
         "prediction_rows": "predictions",
         "prediction_summary": "predictions",
         "predictive_places": "variables",
         "quantity": "variables",
         "signal_dataset": "variables",
-        "simulations": "simulations",
-        "simulations_line": "simulations",
+        "simulations": "simulation_counts",
+        "simulations_line": "simulation_counts",
         "summary": "reading",
         "write_result": "io",
     },

@@ -28,7 +28,7 @@ from mofit.models import (
     with_laws,
 )
 from mofit.results.reading import fixed_values, summary
-from mofit.results.simulations import simulations
+from mofit.results.simulation_counts import simulations
 from mofit.runtime.toml import toml_value
 
 #: numbers of a parameter, in the order of the columns: MAP estimate, posterior mean and sd, 5, 50 and 95 % quantiles

@@ -12,9 +12,9 @@ import xarray as xr
 
 from mofit.parameters import Parameter, ParameterLayout, ParameterSpace
 from mofit.results.laws import laws_summary
-from mofit.results.objectives import objectives, per_objective
+from mofit.results.objective_values import objectives, per_objective
 from mofit.results.predictions import parts_of_band, prediction_rows
-from mofit.results.simulations import simulations
+from mofit.results.simulation_counts import simulations
 
 
 def parameter_layout(tree: xr.DataTree) -> ParameterLayout:

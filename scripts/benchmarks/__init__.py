@@ -20,6 +20,7 @@ BENCHMARKS = {
     "small_pipeline": "small_pipeline.run",
     "withheld_effects": "withheld_effects.run",
     "withheld_effects_paper": "withheld_effects.run_paper",
+    "withheld_speed": "withheld_speed.run",
 }
 
 #: The least value of an option.

@@ -41,8 +41,8 @@ def bench(
     Parameters
     ----------
     name
-        kernel, rastrigin, cec2013, front, sampling, pipeline, small_pipeline, withheld_effects or
-        withheld_effects_paper.
+        kernel, rastrigin, cec2013, front, sampling, pipeline, small_pipeline, withheld_effects,
+        withheld_effects_paper or withheld_speed.
     runs
         Runs of each competitor; slow ones may do fewer, which the table shows.
     seed
