@@ -26,9 +26,9 @@ class FewPeriods:
     left_out: float
 
 
-def few_periods(model: Hypothesis) -> FewPeriods | None:
-    """The hypothesis on tests `cut`; None where they cannot be."""
-    found = cut(model.observed, model.simulator)
+def few_periods(model: Hypothesis, changing: bool = False) -> FewPeriods | None:
+    """The hypothesis on tests `cut`, also with inputs that are ``changing``; None where they cannot be."""
+    found = cut(model.observed, model.simulator, changing)
     if found is None:
         return None
     observed, simulator = found
@@ -41,15 +41,18 @@ def at_steps_for(model: Hypothesis, u: FloatArray, fewest: int = 1) -> Hypothesi
     return model.with_steps((few.hypothesis if few else model).at_steps_for(u, fewest).steps)
 
 
-def cut(observed: WhitenedData, simulator: Simulator) -> tuple[WhitenedData, Simulator] | None:
+def cut(observed: WhitenedData, simulator: Simulator, changing: bool = False) -> tuple[WhitenedData, Simulator] | None:
     """Tests with the fewest periods that fill whole samples, and a simulator on them.
 
-    None where that saves little, where inputs do not repeat, or of a user's simulator.
+    None where that saves little, where inputs do not repeat (the time of a drift is one) unless they may be
+    ``changing``, or of a user's simulator.
     """
     experiments = simulator.experiments
     if observed.problem.evaluations is not None:
         return None
-    if not all(w.repeats(experiments[test].inputs[experiments[test].lead :]) for test, _, w in observed.records):
+    if not changing and not all(
+        w.repeats(experiments[test].inputs[experiments[test].lead :]) for test, _, w in observed.records
+    ):
         return None
     short, _ = averaged(observed)
     kept = [one.recorded for one in short.problem.experiments]

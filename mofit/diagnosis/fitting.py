@@ -226,12 +226,28 @@ def _in_few_periods(fitted: Fitted) -> Fitted | None:
     few = few_periods(model)
     if few is None:
         return None
-    short, residual = few.hypothesis.observed, few.hypothesis.linear(point).residual[0]
+    residual = few.hypothesis.linear(point).residual[0]
     if not abs(0.5 * float(np.sum(residual**2)) + few.left_out - whole) <= _SAME * whole:
         return None
-    rows, kept = len(model.observed.measured), len(short.measured)
-    observed = with_residual(short, model.observed, fitted.residual[:rows], residual[:kept])
-    brief = replace(few.hypothesis, observed=observed)
+    return _with_same_residual(few.hypothesis, residual, fitted)
+
+
+def averaged_over_periods(fitted: Fitted) -> Fitted:
+    """The fit where a few periods of every test count, also where it changes from period to period.
+
+    What it leaves of them is the average of what it leaves of all; itself where that saves little.
+    """
+    few = few_periods(fitted.hypothesis, changing=True)
+    if few is None:
+        return fitted
+    return _with_same_residual(few.hypothesis, few.hypothesis.linear(fitted.minimum.point[None]).residual[0], fitted)
+
+
+def _with_same_residual(few: Hypothesis, present: FloatArray, fitted: Fitted) -> Fitted:
+    """A fit in few periods, of tests moved so that the residual, ``present`` now, is the average of all periods'."""
+    rows, kept, point = len(fitted.hypothesis.observed.measured), len(few.observed.measured), fitted.minimum.point[None]
+    own, whole = few.observed, fitted.hypothesis.observed
+    brief = replace(few, observed=with_residual(own, whole, fitted.residual[:rows], present[:kept]))
     here = brief.linear(point)
     value = 0.5 * float(np.sum(here.residual**2))
     return Fitted(brief, replace(fitted.minimum, value=value), here.residual[0], here.jacobian[0])

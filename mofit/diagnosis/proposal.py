@@ -12,7 +12,7 @@ from mofit._typing import FloatArray
 from mofit.diagnosis.candidate_model import rated
 from mofit.diagnosis.cross_validation import cross_validate
 from mofit.diagnosis.final_estimates import with_final_estimates
-from mofit.diagnosis.fitting import Fitted, fit_to, of_few_periods
+from mofit.diagnosis.fitting import Fitted, averaged_over_periods, fit_to
 from mofit.diagnosis.inner_signals import Target
 from mofit.diagnosis.model_search import Attribution
 from mofit.diagnosis.residual_map import residual_map
@@ -143,7 +143,7 @@ def propose(
     progress("proposed term", 0, 1, " + ".join(one.name for one in starts[-1].hypothesis.effects))
     trials = list[Trial]()
     for start in starts:
-        trials.append(in_all_periods(start, searched(of_few_periods(start), least)))
+        trials.append(in_all_periods(start, searched(averaged_over_periods(start), least)))
         # a single term that leaves no more than the noise: no term beside the main cause is as simple
         if trials[-1].effect and trials[-1].parts == 1 and trials[-1].error <= noise.sum():
             break

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods, repeats
-from mofit.diagnosis.fitting import fit, of_few_periods
+from mofit.diagnosis.fitting import averaged_over_periods, fit, of_few_periods
 from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
 from mofit.diagnosis.remembered import Remembered
@@ -148,6 +148,23 @@ def test_an_effect_that_does_not_repeat_is_fitted_to_all() -> None:
     model, _ = with_effect("drift", 0.5)
     assert few_periods(model) is None
     assert cut(model.observed, model.simulator) is None
+
+
+def test_a_fit_that_changes_leaves_of_a_few_periods_what_it_leaves_of_all_on_average() -> None:
+    fitted = fit(*with_effect("drift", 0.5))
+    assert of_few_periods(fitted) is fitted
+    brief, observed = averaged_over_periods(fitted), fitted.hypothesis.observed
+    assert len(brief.residual) < 0.5 * len(fitted.residual)
+    short = brief.hypothesis.observed
+    for i, (*_, w) in enumerate(short.records):
+        whole = observed.records[i][2]
+        left = whole.waveform(fitted.residual[: len(observed.measured)][observed.record == i])
+        place = w.start - whole.start
+        expected = w.rows(np.pad(left[place : place + w.count], (w.start, 0))[:, None])[:, 0]
+        np.testing.assert_allclose(brief.residual[: len(short.measured)][short.record == i], expected, atol=1e-6)
+    # one that repeats is the same either way
+    again, known = averaged_over_periods(damper_fit()), of_few_periods(damper_fit())
+    np.testing.assert_allclose(again.residual, known.residual)
 
 
 @pytest.mark.parametrize(("effect", "values"), [("dry_friction", (0.05, 0.6)), ("quadratic_damping", (0.5,))])
