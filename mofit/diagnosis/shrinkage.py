@@ -176,12 +176,14 @@ class Shrinkage:
     def of_cause(self) -> float:
         """The share by which a cause is graded, 0 if there is none.
 
-        That of tests like those that named it, as how far its law reaches is another question; but most of the gap may
-        not stay elsewhere. Of a law of the time it is the question, so that it must hold on the latest tests, too.
+        That of tests like those that named it, as how far its law reaches is another question; but a cause explains
+        most of the gap on whole groups of tests, too. Of a law of the time it is the question, so that it must hold on
+        the latest tests, too.
         """
         alike, together = self.of("test"), self.of("group")
         held_out = (*self.ran_away, *(together.hold_outs if together else ()))
-        counted = [one.share for one in held_out if one.later] + [one.share for one in self.leaving_most]
+        counted = [one.share for one in held_out if one.later]
+        counted += [together.share] if together and together.share <= HALF else []
         return min([alike.share, *counted]) if alike else 0.0
 
     @property

@@ -148,6 +148,15 @@ def test_a_cause_that_leaves_most_of_the_gap_on_tests_left_out_is_none(kind, hig
     assert finding.verdict(DiagnosisSettings()) == verdict
 
 
+@pytest.mark.parametrize(("share", "verdict"), [(0.45, "unknown"), (0.55, "partly")])
+def test_a_main_cause_explains_most_of_the_gap_on_whole_groups_too(share, verdict):
+    alike, group = (left_out(5.0, kind=one).shares[0] for one in ("test", "group"))
+    held_out = Shrinkage((replace(alike, share=0.9), replace(group, share=share, low=-2.0, high=0.98)))
+    assert not held_out.refutes
+    finding = Finding(("asymmetric_stiffness",), True, 0.0, 0.01, 0.2, removed=held_out.of_cause)
+    assert finding.verdict(DiagnosisSettings()) == verdict
+
+
 def test_records_of_another_kind_on_which_most_of_a_gap_stays_refute_no_cause():
     """How far its law reaches is another question."""
     alike, records = (left_out(5.0, kind=one).shares[0] for one in ("test", "records"))
