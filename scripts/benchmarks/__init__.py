@@ -21,6 +21,7 @@ BENCHMARKS = {
     "withheld_effects": "withheld_effects.run",
     "withheld_effects_paper": "withheld_effects.run_paper",
     "withheld_speed": "withheld_speed.run",
+    "withheld_speed_bundled": "withheld_speed.run_bundled",
 }
 
 #: The least value of an option.

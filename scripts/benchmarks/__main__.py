@@ -42,7 +42,7 @@ def bench(
     ----------
     name
         kernel, rastrigin, cec2013, front, sampling, pipeline, small_pipeline, withheld_effects,
-        withheld_effects_paper or withheld_speed.
+        withheld_effects_paper, withheld_speed or withheld_speed_bundled.
     runs
         Runs of each competitor; slow ones may do fewer, which the table shows.
     seed

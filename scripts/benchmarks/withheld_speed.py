@@ -23,8 +23,8 @@ from benchmarks.withheld_effects import SCRIPTS
 from mofit._typing import FloatArray
 from studies.report_page import versions
 
-#: Kinds of campaigns and their share of the large blind test, see reports/withheld_effects.
-SHARES = {"none": 0.40, "effect": 0.50, "unmodelled": 0.06, "pair": 0.04}
+#: Kinds of campaigns, and how many of each the large blind test has, see reports/withheld_effects.
+LARGE = {"none": 400, "effect": 500, "unmodelled": 120, "pair": 40}
 #: Campaigns without effect, and with two, per campaign of each effect.
 NONE, PAIRS = 10, 2
 #: Seconds of wall time within which so many end.
@@ -52,9 +52,20 @@ def run(runs: int = 1, seed: int = 1, folder: Path = Path("runs/bench")) -> tupl
     settings
         What they were made with.
     """
+    return _run(runs, seed, folder / f"withheld_speed-{seed}")
+
+
+def run_bundled(
+    runs: int = 1, seed: int = 1, folder: Path = Path("runs/bench")
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """The same on the programme of the bundled campaign, the paper's nine sines alone."""
+    return _run(runs, seed, folder / f"withheld_speed_bundled-{seed}", "--paper")
+
+
+def _run(runs: int, seed: int, place: Path, *more: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     counts = {"none": NONE * runs, "per-effect": runs, "unmodelled": runs, "pairs": PAIRS * runs, "variants": 0}
-    rows = measured(counts, seed, folder / f"withheld_speed-{seed}")
-    shares = ", ".join(f"{100 * share:.0f} % {kind}" for kind, share in SHARES.items())
+    rows = measured(counts, seed, place, *more)
+    mix = ", ".join(f"{count} {kind}" for kind, count in LARGE.items())
     return rows, {
         "runs": runs,
         "seed": seed,
@@ -63,13 +74,13 @@ def run(runs: int = 1, seed: int = 1, folder: Path = Path("runs/bench")) -> tupl
         **versions("mofit", "numpy", "scipy", "casadi"),
         "seconds": "wall time of `mofit diagnose FILE --json`, page included, nothing else running; every campaign is "
         "new to it, the machine has diagnosed others before",
-        "weighted": f"as the blind test of 1000 campaigns (reports/withheld_effects): {shares}",
+        "weighted": f"as the large blind test (reports/withheld_effects): {mix}",
     }
 
 
-def measured(counts: Mapping[str, int], seed: int, place: Path) -> list[dict[str, Any]]:
-    """The rows for so many campaigns of each kind (the generator's options), which are kept in a folder."""
-    options = [part for kind, count in counts.items() for part in (f"--{kind}", str(count))]
+def measured(counts: Mapping[str, int], seed: int, place: Path, *more: str) -> list[dict[str, Any]]:
+    """The rows for so many campaigns of each kind (the generator's options, and more), which are kept in a folder."""
+    options = [*more, *(part for kind, count in counts.items() for part in (f"--{kind}", str(count)))]
     generator = [sys.executable, str(SCRIPTS / "generate.py"), "--out", str(place), *options, "--seed", str(seed)]
     subprocess.run(generator, check=True, stdout=subprocess.DEVNULL)
     seconds = timed(place)
@@ -108,11 +119,11 @@ def _kinds(place: Path) -> dict[str, str]:
 
 
 def _rows(by_kind: Mapping[str, Sequence[float]]) -> Iterator[dict[str, Any]]:
-    kinds = [kind for kind in SHARES if kind in by_kind]
+    kinds = [kind for kind in LARGE if kind in by_kind]
     for kind in kinds:
         yield row(kind, np.array(by_kind[kind]), np.ones(len(by_kind[kind])))
     every = np.concatenate([by_kind[kind] for kind in kinds])
-    weights = np.concatenate([np.full(len(by_kind[kind]), SHARES[kind] / len(by_kind[kind])) for kind in kinds])
+    weights = np.concatenate([np.full(len(by_kind[kind]), LARGE[kind] / len(by_kind[kind])) for kind in kinds])
     yield row("all", every, np.ones(len(every)))
     yield row("all, weighted", every, weights)
 
