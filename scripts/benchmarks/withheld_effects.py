@@ -108,31 +108,31 @@ def check(counts: Mapping[str, int], seed: int, jobs: int, folder: Path, made_by
     place = folder / f"{name}-{seed}"
     options = [part for kind, count in counts.items() for part in (f"--{kind}", str(count))]
     options += ["--paper"] if paper else []
-    _program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
+    program("generate.py", "--out", place, *options, "--seed", str(seed), "--jobs", str(jobs))
     results = place / f"results-{_code()}"
     first, without = results / "first", results / "without"
     _diagnosed(place / "campaigns", first, jobs, None)
     campaigns, diagnosed = [place / "campaigns"], [first]
     for number in range(1, ROUNDS + 1):
         following = results / f"next_{number}"
-        _program("append.py", place, diagnosed[-1], "--campaigns", campaigns[-1], "--out", following / "campaigns")
+        program("append.py", place, diagnosed[-1], "--campaigns", campaigns[-1], "--out", following / "campaigns")
         _diagnosed(following / "campaigns", following, jobs, None)
         campaigns.append(following / "campaigns")
         diagnosed.append(following)
     removal: tuple[str | Path, ...] = ()
     if not paper:
-        _program("leave_out.py", place, "--out", results / "removed.json")
+        program("leave_out.py", place, "--out", results / "removed.json")
         removed = json.loads((results / "removed.json").read_text(encoding="utf-8"))
         _diagnosed(place / "campaigns", without, jobs, removed)
         removal = ("--without", without)
-    _program(
+    program(
         "score.py", place / "labels.blinded", first, "--next", *diagnosed[1:], *removal,
         "--out", results / "report", "--made-by", f"`make bench NAME={name}`: {made_by}",
     )  # fmt: skip
     return results / "report"
 
 
-def _program(name: str, *arguments: str | Path) -> None:
+def program(name: str, *arguments: str | Path) -> None:
     """Run one of the programs, in a process of its own."""
     subprocess.run([sys.executable, str(SCRIPTS / name), *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
 

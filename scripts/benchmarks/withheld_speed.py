@@ -1,7 +1,7 @@
 """How long ``mofit diagnose`` takes from start to end, on campaigns of the blind test that it has not seen before.
 
 One after the other, with the default number of processes; nothing else should run meanwhile. What the command prints is
-kept beside the campaigns, for the scorer. The labels are opened last of all, to tell the kinds of campaigns apart.
+kept beside the campaigns, and the scorer, which opens the labels last of all, writes its report there, too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.withheld_effects import SCRIPTS
+from benchmarks.withheld_effects import program
 from mofit._typing import FloatArray
 from studies.report_page import versions
 
@@ -81,8 +81,7 @@ def _run(runs: int, seed: int, place: Path, *more: str) -> tuple[list[dict[str, 
 def measured(counts: Mapping[str, int], seed: int, place: Path, *more: str) -> list[dict[str, Any]]:
     """The rows for so many campaigns of each kind (the generator's options, and more), which are kept in a folder."""
     options = [*more, *(part for kind, count in counts.items() for part in (f"--{kind}", str(count)))]
-    generator = [sys.executable, str(SCRIPTS / "generate.py"), "--out", str(place), *options, "--seed", str(seed)]
-    subprocess.run(generator, check=True, stdout=subprocess.DEVNULL)
+    program("generate.py", "--out", place, *options, "--seed", str(seed))
     seconds = timed(place)
     by_kind: dict[str, list[float]] = {}
     for name, kind in _kinds(place).items():
@@ -110,12 +109,10 @@ def timed(place: Path) -> dict[str, float]:
 
 
 def _kinds(place: Path) -> dict[str, str]:
-    """The kind of every campaign; the programs that know the labels share no code with this one."""
-    reader = "import sys, json; from blinded_labels import read_labels; from pathlib import Path; "
-    reader += "print(json.dumps({name: label['case'] for name, label in read_labels(Path(sys.argv[1])).items()}))"
-    command = [sys.executable, "-c", reader, str(place / "labels.blinded")]
-    done = subprocess.run(command, env={"PYTHONPATH": str(SCRIPTS)}, capture_output=True, text=True, check=True)
-    return dict(json.loads(done.stdout))
+    """The kind of every campaign, as the scorer tells it."""
+    program("score.py", place / "labels.blinded", place / "results", "--out", place / "report")
+    rows = json.loads((place / "report" / "rows.json").read_text(encoding="utf-8"))
+    return {one["campaign"]: one["case"] for one in rows}
 
 
 def _rows(by_kind: Mapping[str, Sequence[float]]) -> Iterator[dict[str, Any]]:

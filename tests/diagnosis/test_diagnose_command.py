@@ -89,7 +89,6 @@ def test_the_process_beside_reads_as_this_one(campaign_file: Path, tmp_path: Pat
 
 
 def test_a_diagnosis_begins_without_what_it_does_not_need() -> None:
-    """Each takes a twentieth to a fifth of a second of the five that a diagnosis takes."""
     unneeded = ("xarray", "pandas", "netCDF4", "h5py", "pydantic", "emcee", "matplotlib")
     script = "import sys, mofit.cli.diagnosis_shown, mofit.workflows.jobs, mofit.diagnosis.diagnose\n"
     script += f"print([name for name in {unneeded} if name in sys.modules])"
