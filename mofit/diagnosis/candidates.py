@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mofit._typing import FloatArray
 from mofit.data import Campaign
 from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.extended_tests import experiments_of
 from mofit.diagnosis.few_periods import cut
 from mofit.diagnosis.fitting import Fitted
-from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.integration import DIVERGED, clipped, each_with_enough_steps, stable
 from mofit.diagnosis.score_columns import ScoreColumns
 from mofit.diagnosis.whitened_data import WhitenedData
@@ -171,7 +171,7 @@ def prepare(fitted: Fitted, effect: Effect, beside: Sequence[Effect] = ()) -> Ca
     model, observed = fitted.hypothesis, fitted.hypothesis.observed
     effects = [*beside, effect]
     system, simulator = observed.simulators.simulator(
-        with_effects(observed.problem.model, *effects), experiments_of(observed, effects), effect.size
+        with_effects(observed.problem.model, *effects), experiments_of(observed.problem, effects), effect.size
     )
     tests = model.layout.values_by_test(fitted.minimum.point)
     sets = [{**effect.neutral, **point, **own} for point in effect.grid_points for own in effect.scoped_grid_points]

@@ -11,16 +11,18 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.extended_tests import experiments_of
 from mofit.diagnosis.integration import SimulatorCache, clipped, with_enough_steps
 from mofit.identification.calibration import Calibration
 from mofit.models import Effect, incompatibility, with_effects
+from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL
 from mofit.parameters import ParameterLayout, ParameterSpace
 from mofit.simulation import Simulator, objective_pairs
 
 #: Runge–Kutta steps per sampling interval in the calibration tests, which are slow.
-_STEPS = 4
+_STEPS = 2
 #: Largest change when the step is halved: of all whitened samples of a stage together (root of the sum of squares),
-#: and of the derivatives, relative.
+#: and of the derivatives, relative, beyond what changes no more than that over a parameter's range.
 _OUTPUT_CHANGE, _SENSITIVITY_CHANGE = 0.3, 0.03
 #: Most evaluations when a stage is fitted again with an effect; it starts near its minimum.
 _EVALUATIONS = 30
@@ -104,8 +106,7 @@ class CalibrationStages:
         own = {parameter.name: values[parameter.name] for parameter in effect.parameters}
         for calibration in self.calibrations:
             stage = calibration.problem
-            # effects that need the time or conditions of a test act on dynamic tests
-            if incompatibility(effect, stage.model) is not None or effect.inputs or effect.conditions:
+            if incompatibility(effect, stage.model) is not None or _needs_more_than_a_record(effect):
                 continue
             place = [self.space.index(name) for name in stage.space.names]
             known = self.space.subset(stage.space.names)
@@ -131,13 +132,13 @@ class CalibrationStages:
         """Estimates (k,) of a stage with the effect at its ``own`` values, minus their derivative by its size (k, q).
 
         From a start near the minimum, which is kept without ``search``; nan where the stage cannot be simulated or the
-        derivatives are dependent.
+        derivatives are dependent; 0 for a size that the stage would not feel over its whole range.
         """
         stage = calibration.problem
         names = stage.space.names
         system, simulator = self.simulators.simulator(
             with_effects(stage.model, effect),
-            stage.experiments,
+            experiments_of(stage, (effect,)),
             (*names, *effect.size),
             _STEPS,
         )
@@ -155,38 +156,52 @@ class CalibrationStages:
                 slopes.append(scale[:, None] * slope[0, :, y])
             return np.concatenate(residuals), np.concatenate(slopes)
 
-        point = np.array([start[name] for name in names])
-        if effect.states:
-            simulator = _fine_enough(simulator, lambda at: simulated(at, point.tolist()))
+        @lru_cache(maxsize=4)
+        def rows(steps: int | None, point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+            return simulated(simulator if steps is None else simulator.with_steps(steps), point)
 
-        @lru_cache(maxsize=1)
-        def rows(point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-            return simulated(simulator, point)
+        point = np.array([start[name] for name in names])
+        varied = (*stage.space.parameters, *ParameterSpace(effect.parameters).subset(effect.size).parameters)
+        ranges = np.array([parameter.upper - parameter.lower for parameter in varied])
+        steps = simulator.steps
+        if effect.states:
+            steps = _fine_enough(simulator, ranges, lambda at: rows(at.steps, tuple(point.tolist()))).steps
 
         # trial steps may leave what can be simulated
         with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             if search:
                 point = least_squares(
-                    lambda x: rows(tuple(x))[0],
+                    lambda x: rows(steps, tuple(x))[0],
                     point,
-                    lambda x: -rows(tuple(x))[1][:, : len(names)],
+                    lambda x: -rows(steps, tuple(x))[1][:, : len(names)],
                     x_scale="jac",
                     max_nfev=_EVALUATIONS,
                 ).x
             # LAPACK would print of what is not finite
-            slopes = np.asarray_chkfinite(rows(tuple(point))[1])
+            slopes = np.asarray_chkfinite(rows(steps, tuple(point))[1])
             sensitivity, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
             if rank == len(names):
-                return point, np.asarray(sensitivity, dtype=np.float64)
+                felt = np.linalg.norm(slopes, axis=0) * ranges > _OUTPUT_CHANGE
+                return point, np.where(felt[len(names) :], sensitivity, 0.0)
         return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
 
 
-def _fine_enough(simulator: Simulator, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]) -> Simulator:
-    """The simulator with as many steps as residual and derivatives need."""
+def _needs_more_than_a_record(effect: Effect) -> bool:
+    """Whether an effect needs the time or conditions of a test, beside what its record's time axis tells.
+
+    Such an effect acts on dynamic tests.
+    """
+    return bool(effect.inputs or {*effect.conditions} - {SAMPLE_INTERVAL, RECORD_LENGTH})
+
+
+def _fine_enough(
+    simulator: Simulator, ranges: FloatArray, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]
+) -> Simulator:
+    """The simulator with as many steps as residual and derivatives by parameters with these ``ranges`` need."""
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
         residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
-        sizes = np.linalg.norm(fine, axis=0)[1:] + np.finfo(float).tiny
-        return float(max(residual / _OUTPUT_CHANGE, np.max(slopes / sizes) / _SENSITIVITY_CHANGE))
+        allowed = _SENSITIVITY_CHANGE * np.linalg.norm(fine, axis=0)[1:] + _OUTPUT_CHANGE / ranges
+        return float(max(residual / _OUTPUT_CHANGE, np.max(slopes / allowed)))
 
     return with_enough_steps(simulator, lambda at: clipped(np.column_stack(rows(at))), change, 1.0, _STEPS)[0]

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mofit._typing import FloatArray
-from mofit.data.signals import SignalAnalysis
 from mofit.diagnosis.discrepancy import Discrepancy
+from mofit.diagnosis.extended_tests import experiments_of
 from mofit.diagnosis.integration import DIVERGED, MOST_STEPS, clipped, stable, with_enough_steps, within
 from mofit.diagnosis.scoped_layout import ScopedLayout, labels_of
 from mofit.diagnosis.whitened_data import WhitenedData
 from mofit.models import Effect, with_effects
 from mofit.parameters import ParameterSpace
-from mofit.simulation import ExperimentData, Simulator, experiment_data
+from mofit.simulation import Simulator
 from mofit.simulation.ranges import with_parameters
 
 #: Most numbers in the Jacobians that are computed at once: 80 MB.
@@ -199,33 +198,6 @@ def hypothesis(observed: WhitenedData, discrepancies: Sequence[Discrepancy] = ()
     model = with_effects(problem.model, *effects)
     added = model.parameters[len(problem.model.parameters) :]
     space = ParameterSpace((*problem.space.parameters, *observed.scoped.parameters, *added))
-    system, simulator = observed.simulators.simulator(model, experiments_of(observed, effects), space.names)
+    system, simulator = observed.simulators.simulator(model, experiments_of(problem, effects), space.names)
     layout = ScopedLayout(system.parameters, space, problem.layout.fixed, labels_of(space, problem.measurements))
     return Hypothesis(observed, tuple(discrepancies), layout, simulator)
-
-
-def experiments_of(observed: WhitenedData, effects: Sequence[Effect]) -> Sequence[ExperimentData]:
-    """The tests with the inputs and conditions that effects need beside the model's."""
-    problem = observed.problem
-    if not any(effect.inputs or effect.conditions for effect in effects):
-        return problem.experiments
-    model = with_effects(problem.model, *effects)
-    known = _extended.setdefault(problem.experiments[0], {})
-    lengths = tuple(experiment.recorded for experiment in problem.experiments)
-    read = (tuple(model.inputs), tuple(model.conditions), tuple(model.outputs), lengths)
-    signals, found = known.get(read, ((), []))
-    if signals is not problem.signals:
-        tests = zip(problem.measurements, problem.signals, problem.experiments, strict=True)
-        found = [
-            experiment_data(model, measurement, analysis, settled=False).first(own.recorded)
-            for measurement, analysis, own in tests
-        ]
-        known[read] = problem.signals, found
-    return found
-
-
-#: Of a problem, by its first test, with which they go, and the channels, conditions and samples read: tables are shared
-#: by test.
-_extended: WeakKeyDictionary[
-    ExperimentData, dict[Hashable, tuple[Sequence[SignalAnalysis], Sequence[ExperimentData]]]
-] = WeakKeyDictionary()

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 
 from mofit._typing import FloatArray
+from mofit.diagnosis.extended_tests import experiments_of
 from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.frozen_simulator import SIMULATED, frozen
-from mofit.diagnosis.hypothesis import experiments_of
 from mofit.diagnosis.input_rates import rates_of_inputs
 from mofit.diagnosis.linear_response import Linearised, LinearResponse, Motion
 from mofit.models import (
@@ -269,7 +269,8 @@ def inner_signals(fitted: Fitted, *, rates: bool = False) -> InnerSignals:
     hypothesis, observed = fitted.hypothesis, fitted.hypothesis.observed
     base, present = base_and_effects(observed.problem.model)
     effects = (*present, *hypothesis.effects)
-    given, tests = experiments_of(observed, hypothesis.effects), hypothesis.layout.values_by_test(fitted.minimum.point)
+    given = experiments_of(observed.problem, hypothesis.effects)
+    tests = hypothesis.layout.values_by_test(fitted.minimum.point)
     channels, moving = rates_of_inputs(hypothesis) if rates else ((), [{} for _ in tests])
     if isinstance(base, Simulator):
         base, given = frozen(base, effects, tests, given)

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from mofit._typing import FloatArray
-from mofit.diagnosis.hypothesis import Hypothesis, experiments_of
+from mofit.diagnosis.extended_tests import experiments_of
+from mofit.diagnosis.hypothesis import Hypothesis
 from mofit.models import Applied, Channel, Effect, Model, Symbols, with_effects
 from mofit.models.model import TIME
 from mofit.quantities import HOLD
@@ -48,7 +49,7 @@ def rates_of_inputs(hypothesis: Hypothesis) -> tuple[tuple[Channel, ...], list[d
     reads = InputRates(problem.model)
     if not reads.inputs or any(one.interpolation == HOLD for one in problem.experiments):
         return (), [{} for _ in problem.experiments]
-    tests = experiments_of(hypothesis.observed, (reads,))
+    tests = experiments_of(hypothesis.observed.problem, (reads,))
     models = (problem.model, with_effects(problem.model, reads))
     before, after = ([channel.name for channel in model.inputs] for model in models)
     known = []

@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mofit.data.signals import SignalAnalysis
+from mofit.diagnosis.extended_tests import experiments_of
 from mofit.diagnosis.few_periods import at_steps_for, cut, few_periods, repeats
 from mofit.diagnosis.fitting import averaged_over_periods, fit, of_few_periods
-from mofit.diagnosis.hypothesis import Hypothesis, experiments_of, hypothesis
+from mofit.diagnosis.hypothesis import Hypothesis, hypothesis
 from mofit.diagnosis.limited_refinement import best_minimum
 from mofit.diagnosis.remembered import Remembered
 from mofit.diagnosis.whitening import whitening
@@ -136,10 +137,10 @@ def test_beside_a_fit_few_periods_tell_of_another_model_what_all_tell() -> None:
 def test_inputs_of_effects_end_with_their_tests() -> None:
     """Also where the first test is whole: it is the same object then, in whole and in cut ones."""
     observed, drift = damper_fit().hypothesis.observed, [find_effect("drift")]
-    whole = [one.recorded for one in experiments_of(observed, drift)]
+    whole = [one.recorded for one in experiments_of(observed.problem, drift)]
     first, *others = observed.problem.experiments
     few = replace(observed.problem, experiments=(first, *(one.first(50) for one in others)))
-    short = [one.recorded for one in experiments_of(replace(observed, problem=few), drift)]
+    short = [one.recorded for one in experiments_of(few, drift)]
     assert short == [whole[0], *(50 for _ in others)]
     assert min(whole) > 50
 
