@@ -84,7 +84,7 @@ def _standing(fitted: CandidateModel, name: str, best: CandidateModel) -> str:
 def promising(scores: Iterable[ScoreTest], share: float, most: int) -> tuple[list[ScoreTest], dict[str, str]]:
     """Those with at least this share of the largest T, the largest first; and why each of the others is passed over.
 
-    T less what chance gives values per test.
+    T less what chance gives values per test. No law is tried without the plainer one that it refines.
     """
     ranked = sorted(scores, key=lambda one: -one.promise)
     largest = ranked[0].promise if ranked else 0.0
@@ -102,4 +102,7 @@ def promising(scores: Iterable[ScoreTest], share: float, most: int) -> tuple[lis
             passed_over[one.name] = f"{most} others have larger scores, and no more are fitted at once"
         else:
             kept.append(one)
-    return kept, passed_over
+    plainer = [one for one in ranked if one.name in passed_over and one.name in {law.effect.refines for law in kept}]
+    for one in plainer:
+        del passed_over[one.name]
+    return [*kept, *plainer], passed_over

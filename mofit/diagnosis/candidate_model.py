@@ -13,6 +13,9 @@ from mofit.diagnosis.fitting import Fitted
 from mofit.diagnosis.gap_lines import beyond_noise
 from mofit.diagnosis.hypothesis import Hypothesis
 
+#: How much less probable than the plainer law a refinement is before there are data: it needs evidence that is worth
+#: more than a bare mention (Kass, Raftery 1995).
+_PLAINER = 3.0
 #: Least share of the gap that a law leaves: none is right to a thousandth where none is right.
 _LEAST_LEFT = 1e-3
 
@@ -21,11 +24,12 @@ _LEAST_LEFT = 1e-3
 class CandidateModel:
     r"""A fitted hypothesis with its information criterion.
 
-    .. math:: \mathrm{EBIC} = \|r\|^2 + q \log n + 2 \log \binom{c}{k}
+    .. math:: \mathrm{EBIC} = \|r\|^2 + q \log n + 2 \log \binom{c}{k} + 2 m \log 3
 
     with all whitened squares (prior included) :math:`\|r\|^2`, q parameters of the k effects, n rows that may hold a
-    gap, and c candidates: the last term is the price of the selection. The constants of the records count by
-    Student's t instead of their squares, see `doubt_of_constants`.
+    gap, and c candidates: the third term is the price of the selection. Of the effects m refine a plainer law with as
+    many parameters (`Effect.refines`). The constants of the records count by Student's t instead of their squares, see
+    `doubt_of_constants`.
 
     Attributes
     ----------
@@ -36,6 +40,7 @@ class CandidateModel:
     References
     ----------
     Chen, Chen: Extended Bayesian information criteria for large model spaces. Biometrika 95 (2008).
+    Kass, Raftery: Bayes factors. Journal of the American Statistical Association 90 (1995).
     """
 
     fitted: Fitted
@@ -58,8 +63,9 @@ def rated(fitted: Fitted, candidates: int) -> CandidateModel:
     model = fitted.hypothesis
     chosen = len(model.effects)
     choices = gammaln(candidates + 1) - gammaln(chosen + 1) - gammaln(candidates - chosen + 1)
+    refinements = sum(bool(effect.refines) for effect in model.effects)
     squares = float(fitted.residual @ fitted.residual) - doubt_of_constants(fitted)
-    return CandidateModel(fitted, squares + price(model) + 2 * float(choices))
+    return CandidateModel(fitted, squares + price(model) + 2 * float(choices + refinements * np.log(_PLAINER)))
 
 
 def doubt_of_constants(fitted: Fitted) -> float:

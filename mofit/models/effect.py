@@ -43,6 +43,8 @@ class Effect(ABC):
         where the file states it.
     candidate
         False for an effect that a diagnosis tries only when it is named.
+    refines
+        Name of a plainer law with as many parameters: where the data hardly tell the two apart, that one is meant.
     abrupt
         True where outputs change out of proportion to a small size, so that their slope at neutral says little.
     of_rig, part_of_name
@@ -60,6 +62,7 @@ class Effect(ABC):
     inputs: tuple[Channel, ...] = ()
     conditions: tuple[Condition, ...] = ()
     candidate: bool = True
+    refines: str = ""
     abrupt: bool = False
     of_rig: bool = False
     part_of_name: bool = True

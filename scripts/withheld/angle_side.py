@@ -15,15 +15,19 @@ Array = NDArray[np.float64]
 ENCODER_CYCLE = np.deg2rad(0.8)
 #: times between two of integration at which play is followed
 BETWEEN = 8
+#: half widths of the plays of a distributed play, over their mean
+WIDTHS = (1 / 3, 1.0, 5 / 3)
 
 
 def patch_angle(test: RigTest, v: Mapping[str, float], time: Array) -> Array:
     """Slip angle of the patch [rad] at uniform times (n,), but for what the force does to it."""
     step = time[1]
-    if v["b_0"]:
+    plays = [v["b_0"]] if v["b_0"] else [width * v["b_g"] for width in WIDTHS if v["b_g"]]
+    if plays:
         # it rests where the drive turns, which is between two times
         between = step / BETWEEN * np.arange(BETWEEN * (len(time) - 1) + 1)
-        angle = play(_driven(test, v, between), v["b_0"])[::BETWEEN]
+        driven = _driven(test, v, between)
+        angle = np.mean([play(driven, half_width)[::BETWEEN] for half_width in plays], axis=0)
     else:
         angle = _driven(test, v, time)
     angle = angle + v["alpha_0"]

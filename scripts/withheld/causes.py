@@ -105,6 +105,13 @@ LIBRARY = (
     _effect("backlash", "b_0", 5e-4, "rad", SINES, ROLLING, about="play between angle transducer and wheel"),
 )  # fmt: skip
 
+#: laws of the diagnosis' library that no campaign hides: what a hidden effect may be taken for
+RIVALS = (
+    _effect(
+        "graded_play", "b_g", 5e-4, "rad", SINES, ROLLING, about="plays of a third, one and five thirds of a width"
+    ),
+)
+
 VARIANTS = (
     Cause("finite_brush", {"L_patch": 0.15}, "m", (ROLLING,), "bristles fill while they pass the patch (lag L/3)",
           alias="contact_patch_lag"),

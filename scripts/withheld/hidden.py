@@ -12,6 +12,7 @@ from causes import BY_NAME, LIBRARY, UNMODELLED, VARIANTS, Drawn, draw_cause
 from numpy.typing import NDArray
 from respond import Case, respond
 from rig_tests import RigTest, planned_tests
+from rivals import closest
 from specimen import NOISES, draw_specimen
 from strength import Ground, grounds, largest, shrinkage, sized
 
@@ -123,7 +124,7 @@ def _label(slot: Slot, place: Ground | None) -> dict[str, Any]:
             }
         )
     entry["strength"] = place.left(whole)
-    entry["separation"] = place.separation(whole)
+    entry["separation"] = closest(place, whole) if slot.case == "effect" else place.separation(whole)
     entry["beyond_library"] = place.beyond(whole)
     if slot.case == "effect":
         entry["beyond_others"] = place.beyond(whole, but=slot.cause)

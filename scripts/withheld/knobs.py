@@ -7,7 +7,7 @@ from __future__ import annotations
 
 NEUTRAL: dict[str, float] = dict.fromkeys(
     """sigma_c tau_d T_f m_b c_2 c_f F_d d_2 k_c c_P k_a alpha_0 F_off g_F e_alpha e_mu e_y e_v kappa_s kappa_z A_wc
-    A_ws m_dc m_ds k_t w_t b_0 q_rig A_gear A_hum g_knee b_dead g_rate a_second A_ring A_half k_bump e_cyclic h_heat
+    A_ws m_dc m_ds k_t w_t b_0 b_g q_rig A_gear A_hum g_knee b_dead g_rate a_second A_ring A_half k_bump e_cyclic h_heat
     L_patch T_second a_stribeck""".split(),
     0.0,
 )

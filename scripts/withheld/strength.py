@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 STEP, SETTLED = 1e-2, 4.0
 _CHANGE = 1e-3
 #: share of the typical size at which the library's directions are taken
-_SHARE = 0.3
+SHARE = 0.3
 #: shapes at which a competitor is tried: of times and exponents so many that its best is not missed by much
 _GRIDS = {
     "tau_2": (0.01, 0.02, 0.035, 0.06, 0.12, 0.25), "a_f": (0.15, 0.22, 0.3, 0.4, 0.5), "delta_d": (1e-3, 4e-3),
@@ -56,7 +56,23 @@ class Ground:
 
     def gaps(self, knobs: Sequence[Mapping[str, float]], kinds: Mapping[str, Sequence[str]]) -> Array:
         """White rows of the change that each setting of the knobs makes, (m, settings)."""
-        return _changes([self], [[Case(self.specimen, knob, kinds) for knob in knobs]])[0]
+        return self.changes([Case(self.specimen, knob, kinds) for knob in knobs])
+
+    def changes(self, cases: Sequence[Case]) -> Array:
+        """White rows of what each case changes, (m, cases)."""
+        return _changes([self], [cases])[0]
+
+    def fitted(self, gap: Array, columns: Array) -> tuple[Array, Array]:
+        """Factor of each column (m, k) alone beside the parameters that takes up most of a gap (m,), and what is left.
+
+        nan and infinite where the column is not finite.
+        """
+        basis = _basis(self.jacobian)
+        rest, own = (rows - basis @ (basis.T @ rows) for rows in (gap, columns))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            factors = own.T @ rest / np.sum(own**2, axis=0)
+            left = np.sum((rest[:, None] - factors * own) ** 2, axis=0)
+        return factors, np.where(np.isfinite(left), left, np.inf)
 
     def newtons(self, rows: Array, test: int) -> float:
         """RMS [N] of white rows (m,) within a test (of coloured noise: of the frequencies where it is white)."""
@@ -133,7 +149,7 @@ def ground(specimen: Mapping[str, float], tests: Sequence[RigTest], noise: str, 
 
 def grounds(places: Sequence[tuple[Mapping[str, float], Sequence[RigTest], str]], library: bool = True) -> list[Ground]:
     """The same of several specimens in their tests and noise, side by side: that takes less time."""
-    settings = [(cause, *setting) for cause in (LIBRARY if library else ()) for setting in _settings(cause)]
+    settings = [(cause, *setting) for cause in (LIBRARY if library else ()) for setting in settings_of(cause)]
     judged = [tuple(replace(t, duration=SETTLED) if t.kind == "step" else t for t in tests) for _, tests, _ in places]
     usual = [Case(specimen) for specimen, _, _ in places]
     records = _responses([[(case, t) for t in tests] for case, tests in zip(usual, judged, strict=True)])
@@ -169,7 +185,7 @@ def _complete(
     )
 
 
-def _settings(cause: Cause) -> list[tuple[int, tuple[str, ...], dict[str, float]]]:
+def settings_of(cause: Cause) -> list[tuple[int, tuple[str, ...], dict[str, float]]]:
     """(group, place, knobs): directions of one group belong together."""
     shapes = [{name: v} for name, grid in _GRIDS.items() if name in cause.shape for v in grid] or [{}]
     found = []
@@ -177,7 +193,7 @@ def _settings(cause: Cause) -> list[tuple[int, tuple[str, ...], dict[str, float]
         for shape in shapes:
             group = len({g for g, _, _ in found})
             for knob, size in cause.typical.items():
-                found.append((group, place, {knob: _SHARE * size, **shape}))
+                found.append((group, place, {knob: SHARE * size, **shape}))
     return found
 
 

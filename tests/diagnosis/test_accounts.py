@@ -19,8 +19,9 @@ from mofit.parameters import Parameter
 FRICTION = (("dry_friction", (("F_d", 30.0),)),)
 
 
-def score(name, statistic, confounding=0.5):
-    return SimpleNamespace(name=name, statistic=statistic, promise=statistic, confounding=confounding)
+def score(name, statistic, confounding=0.5, refines=""):
+    effect = SimpleNamespace(refines=refines)
+    return SimpleNamespace(name=name, statistic=statistic, promise=statistic, confounding=confounding, effect=effect)
 
 
 def test_what_a_cut_leaves_out_has_a_reason() -> None:
@@ -31,6 +32,13 @@ def test_what_a_cut_leaves_out_has_a_reason() -> None:
     assert "4 % of the largest" in passed_over["b"]
     assert "from 10 % on" in passed_over["b"]
     assert "larger scores" in passed_over["d"]
+
+
+def test_a_cut_does_not_part_a_law_from_the_plainer_one() -> None:
+    scores = [score("plain", 0.0), score("far", 4.0), score("refined", 100.0, refines="plain"), score("other", 50.0)]
+    kept, passed_over = promising(scores, 0.1, 1)
+    assert [one.name for one in kept] == ["refined", "plain"]
+    assert passed_over.keys() == {"far", "other"}
 
 
 def test_each_outcome_has_its_reason() -> None:

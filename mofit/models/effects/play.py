@@ -106,6 +106,7 @@ class GradedPlay(Effect):
     name = "graded_play"
     title = "play of distributed width (Prandtl-Ishlinskii)"
     family = "play"
+    refines = "backlash"
     abrupt = True
     on = ("slip_angle", "displacement")
     parameters = (
