@@ -132,7 +132,7 @@ class CalibrationStages:
         """Estimates (k,) of a stage with the effect at its ``own`` values, minus their derivative by its size (k, q).
 
         From a start near the minimum, which is kept without ``search``; nan where the stage cannot be simulated or the
-        derivatives are dependent; 0 for a size that the stage would not feel over its whole range.
+        derivatives are dependent. Without ``search`` 0 for a size that the stage would not feel over its whole range.
         """
         stage = calibration.problem
         names = stage.space.names
@@ -182,7 +182,7 @@ class CalibrationStages:
             sensitivity, _, rank, _ = np.linalg.lstsq(slopes[:, : len(names)], slopes[:, len(names) :])
             if rank == len(names):
                 felt = np.linalg.norm(slopes, axis=0) * ranges > _OUTPUT_CHANGE
-                return point, np.where(felt[len(names) :], sensitivity, 0.0)
+                return point, np.where(felt[len(names) :] | search, sensitivity, 0.0)
         return np.full(len(names), np.nan), np.full((len(names), len(effect.size)), np.nan)
 
 
