@@ -23,7 +23,7 @@ from benchmarks.withheld_effects import program
 from mofit._typing import FloatArray
 from studies.report_page import versions
 
-#: Kinds of campaigns, and how many of each the large blind test has, see reports/withheld_effects.
+#: Kinds of campaigns, and how many of each the large blind test has, see README_seed_12.md of withheld_effects.
 LARGE = {"none": 400, "effect": 500, "unmodelled": 120, "pair": 40}
 #: Campaigns without effect, and with two, per campaign of each effect.
 NONE, PAIRS = 10, 2
@@ -74,7 +74,7 @@ def _run(runs: int, seed: int, place: Path, *more: str) -> tuple[list[dict[str, 
         **versions("mofit", "numpy", "scipy", "casadi"),
         "seconds": "wall time of `mofit diagnose FILE --json`, page included, nothing else running; every campaign is "
         "new to it, the machine has diagnosed others before",
-        "weighted": f"as the large blind test (reports/withheld_effects): {mix}",
+        "weighted": f"as the large blind test (reports/withheld_effects/README_seed_12.md): {mix}",
     }
 
 
