@@ -19,6 +19,11 @@ that there is a gap. Not given to peers: the time since the campaign began, whic
   the Bayes criterion; simulated freely on records held out.
 - Gaussian process (Kennedy and O'Hagan; scikit-learn): squared-exponential with a length per signal, white noise; 300
   samples for hyperparameters, 900 for predictions; modular, that is after the parameters were fitted.
+- LISDD (arXiv 2606.23215), of which only the abstract could be had; in brackets what it leaves open and is chosen here:
+  the physics is fitted on a clean regime (bands of deflection and rate, four each, that are not flagged, from the
+  quieter half on), discrepant regions are flagged by their residual's energy (F-test, false discovery rate 5 %), a
+  sparse local term (the library of SINDy, one or two) is selected by exhaustive holdout and confirmed by an F-test on
+  a split sample (blocks of 50 samples in turn). No package of it is known.
 - Residual tests: a correlation of residual and past input, or of the residual with itself, outside the 99 % band of the
   largest of 25 lags and all tests. MATLAB's `resid` draws these; it was not run.
 
@@ -36,9 +41,6 @@ peer's those of the baseline are added, and to SINDy's those of the responses to
 the work folder holds already are kept. A peer whose package is not installed is left out, and the page says so.
 sysidentpy 0.9 declares numpy below 2.4, so that it is no extra of mofit; `pip install --no-deps sysidentpy` works
 beside a newer one.
-
-LISDD (arXiv 2606.23215) is left out: only its abstract could be had, which leaves regions, statistic and thresholds
-open. A row would show our choices, not its procedure.
 """
 
 from __future__ import annotations

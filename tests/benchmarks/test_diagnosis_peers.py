@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import diagnosis_peers
-from diagnosis_peers_cases import by_resid, measured
+from diagnosis_peers_cases import by_lisdd, by_resid, measured
 from diagnosis_peers_cases.answer import Choice, chosen
 from diagnosis_peers_cases.baseline import driven, fitted, inputs, prepared
 from diagnosis_peers_cases.page import page
@@ -71,6 +71,29 @@ def _cube(known, new):
     return cubes @ known.residual.ravel() / (cubes @ cubes) * new.deflection**3
 
 
+def test_a_term_is_confirmed_where_it_acts():
+    """A stiffness that grows beyond a deflection leaves the regions below alone, and the parameters from there."""
+
+    def stop(x, v):
+        return np.maximum(x - 0.8, 0.0) ** 3
+
+    given, unseen = records(stop), records(stop, noise=0.0, seed=1)
+    found = by_lisdd.discovered(given)
+    flagged = found.flagged.reshape(by_lisdd.BANDS, by_lisdd.BANDS)
+    assert flagged[-1].all()
+    assert not flagged[:-1].any()
+    said = by_lisdd.lisdd(given, unseen)
+    assert said.families[0] == "non-linear stiffness"
+    assert said.where.startswith("in 25% of the regions")
+    # in units of the residual of the campaign
+    truth = unseen.residual * rms(stop(unseen.deflection, 0.0)) / rms(stop(given.deflection, 0.0))
+    assert np.mean((truth - said.correction) ** 2) < 0.2 * np.mean(truth**2)
+
+
+def test_noise_has_no_discrepant_region():
+    assert sum(by_lisdd.lisdd(records(seed=seed), records(seed=seed)).gap for seed in range(20)) <= 3
+
+
 def test_signals_that_are_proportional_count_once():
     x = np.sin(TIME)
     assert distinct({"x": x, "s": -3 * x, "v": np.cos(TIME)}) == ["x", "v"]
@@ -88,7 +111,7 @@ def answered(peer, given, unseen):
     return getattr(module, PEERS[peer].function)(given, unseen)
 
 
-@pytest.mark.parametrize("peer", ["pysindy", "sysidentpy", "gaussian_process"])
+@pytest.mark.parametrize("peer", ["pysindy", "sysidentpy", "gaussian_process", "lisdd"])
 def test_a_peer_corrects_a_cubic_spring_and_removes_next_to_nothing_of_noise(peer):
     given = records(lambda x, v: x**3)
     unseen = records(seed=1)

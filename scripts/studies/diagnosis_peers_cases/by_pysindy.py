@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 
 import numpy as np
 from pysindy import FROLS, STLSQ, BaseOptimizer
 from sklearn.base import clone
 
 from diagnosis_peers_cases.answer import Answer, Choice, chosen
-from diagnosis_peers_cases.records import Records, distinct, rms
+from diagnosis_peers_cases.records import Library, Records, distinct, rms
 from diagnosis_peers_cases.terms import families
 from mofit._typing import FloatArray
 
 #: least contribution of a term, relative to the residual, of thresholded least squares; most terms of a forward search
 THRESHOLDS, COUNTS = (0.05, 0.1, 0.2, 0.3, 0.5), (1, 2, 3, 4, 6)
 RIDGE = 1e-4
-Library = Callable[[Records], dict[str, FloatArray]]
 
 
 def sindy(records: Records, held: Records) -> Answer:

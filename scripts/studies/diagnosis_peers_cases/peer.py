@@ -43,6 +43,7 @@ PEERS = {
     "gaussian_process": Peer(
         "Gaussian process (scikit-learn)", "by_gaussian_process", "gaussian_process", "signals", "no", "sklearn"
     ),
+    "lisdd": Peer("LISDD (after its abstract)", "by_lisdd", "lisdd", "regions", "by its terms", columns=True),
     "independence": Peer("residual and input independent", "by_resid", "independence", "lags", "no"),
     "whiteness": Peer("residual white", "by_resid", "whiteness", "no", "no"),
 }

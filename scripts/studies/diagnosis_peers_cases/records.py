@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,6 +60,8 @@ class Records:
 
 
 FORCES = (*MOTION, "u'", "u''")
+#: terms by name, (tests, samples) each
+Library = Callable[[Records], dict[str, FloatArray]]
 
 
 def forces(input_: FloatArray, deflection: FloatArray, rate: FloatArray) -> FloatArray:
