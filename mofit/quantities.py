@@ -63,6 +63,8 @@ CONDITIONS: dict[str, PhysicalQuantity] = {
     "wheel_phase": PhysicalQuantity("rad", "angle of the wheel at the first sample"),
     "drum_radius": PhysicalQuantity("m", "radius of the drum"),
     "drum_phase": PhysicalQuantity("rad", "angle of the drum at the first sample"),
+    "rotational_speed": PhysicalQuantity("rad/s", "speed of what rotates"),
+    "shaft_angle": PhysicalQuantity("rad", "angle of what rotates at the first sample"),
     "temperature": PhysicalQuantity("K", "temperature"),
     "current": PhysicalQuantity("A", "current"),
     "mass": PhysicalQuantity("kg", "mass"),

@@ -54,7 +54,7 @@ SPECTRAL_CLASSES = (
     SpectralClass("odd", "odd", "odd harmonics"),
     SpectralClass("even", "even", "even harmonics"),
     SpectralClass("subharmonic", "half", "subharmonics"),
-    SpectralClass("rotating", "wheel,\ndrum", "rotational orders"),
+    SpectralClass("rotating", "rotating\nparts", "rotational orders"),
     SpectralClass("slow", "slow", "slow changes"),
     SpectralClass("steady", "inter-\nference", "sinusoidal interference"),
     SpectralClass("excited", "excited", "the excited band"),
@@ -143,17 +143,20 @@ def _power(excitation: FloatArray, periods: int = 1) -> FloatArray:
 
 
 def rotational_orders(measurement: Measurement) -> dict[str, float]:
-    r"""Frequencies [Hz] of what rotates, :math:`v / 2 \pi r`: of the wheel, and of the drum under it.
+    r"""Frequencies [Hz] of what rotates: of the wheel, :math:`v / 2 \pi r`, of the drum under it, and of a shaft.
 
-    From the conditions ``longitudinal_velocity``, ``dynamic_rolling_radius`` and ``drum_radius``; none without them.
+    From the conditions ``longitudinal_velocity``, ``dynamic_rolling_radius`` and ``drum_radius``, and from
+    ``rotational_speed`` [rad/s]; none without them.
     """
     conditions = measurement.experiment.conditions
+    shaft = abs(conditions.get("rotational_speed", 0.0))
+    turning = {"shaft": shaft / (2 * np.pi)} if shaft else {}
     speed = abs(conditions.get("longitudinal_velocity", 0.0))
     radius = conditions.get("dynamic_rolling_radius", 0.0)
     if not (speed > 0 and radius > 0):
-        return {}
+        return turning
     drum = conditions.get("drum_radius", _DRUM_RADIUS)
-    return {"wheel": speed / (2 * np.pi * radius), "drum": speed / (2 * np.pi * drum)}
+    return {"wheel": speed / (2 * np.pi * radius), "drum": speed / (2 * np.pi * drum), **turning}
 
 
 def interference_lines(

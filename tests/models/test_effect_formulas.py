@@ -295,6 +295,27 @@ def test_wheel_order_is_one_line_whatever_the_steer():
         assert np.all(amplitude[np.abs(frequency - frequency[peak]) > 0.2] < 0.02 * amplitude[peak])
 
 
+def test_a_shaft_order_is_one_line_at_its_speed_and_its_angle_turns_it():
+    time = np.arange(800) / 200
+    channels = {"displacement": np.sin(time), "velocity": np.cos(time)}
+    values = {"c": 1e3, "p": 0.0, "d": 0.0, "F_0": 0.0}
+    plain = output(find_model("kelvin_voigt_damper"), values, channels, 1 / 200)
+    for angle in (0.0, 1.0):
+        turning = output(
+            extended("kelvin_voigt_damper", "shaft_order"), {**values, "A_oc": 3.0, "A_os": -4.0}, channels, 1 / 200,
+            {"rotational_speed": 40.0, "shaft_angle": angle},
+        )  # fmt: skip
+        turned = 40.0 * time + angle
+        np.testing.assert_allclose(turning - plain, 3 * np.cos(turned) - 4 * np.sin(turned), atol=1e-9)
+    unobserved = find_effect("shaft_order").for_tests(set())
+    given = {"A_o": 5.0, "theta_o": -1.0, "e_o": 0.01}
+    alone = output(
+        with_effects(find_model("kelvin_voigt_damper"), unobserved), {**values, **given}, channels, 1 / 200,
+        {"rotational_speed": 40.0},
+    )  # fmt: skip
+    np.testing.assert_allclose(alone - plain, 5 * np.cos(1.01 * 40.0 * time - 1.0), atol=1e-9)
+
+
 def test_drum_runout_gives_sidebands_of_the_drum_order():
     frequency, amplitude = added_spectrum("drum_runout", 1.0)
     drum = 60 / 3.6 / (2 * np.pi * 0.61)

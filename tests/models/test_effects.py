@@ -17,6 +17,7 @@ CONDITIONS = {
     "camber_angle": 0.03,
     "nominal_vertical_force": 4000.0,
     "frequency": 1.5,
+    "rotational_speed": 55.0,
 }
 PAIRS = [
     (model, effect)

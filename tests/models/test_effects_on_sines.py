@@ -35,7 +35,7 @@ def nine_sines():
         (
             # no sample at zero slip: the tyre's curve has a kink there, and two slopes
             {"slip_angle": np.radians(2) * np.sin(2 * np.pi * frequency * time + 0.3)},
-            {**conditions, "camber_angle": 0.01, "start_time": 300.0 + 50 * number},
+            {**conditions, "camber_angle": 0.01, "start_time": 300.0 + 50 * number, "rotational_speed": 55.0},
         )
         for number, frequency in enumerate(FREQUENCIES)
     ]

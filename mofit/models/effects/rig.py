@@ -9,7 +9,7 @@ import casadi as ca
 
 from mofit.models.effect import Addition, Effect, Scaling
 from mofit.models.library.steady_state import LOAD
-from mofit.models.model import TIME, Condition, Symbols
+from mofit.models.model import TARGET_UNIT, TIME, Condition, Symbols
 from mofit.parameters import PER_TEST, Parameter, powers
 
 #: how forces grow with the data: on a tyre with its load
@@ -84,6 +84,57 @@ class WheelOrder(Addition):
             return s.A_w * ca.cos((1 + s.e_w) * turned + s.theta_w)
         angle = turned + s.wheel_phase
         return s.A_wc * ca.cos(angle) + s.A_ws * ca.sin(angle)
+
+
+class ShaftOrder(Addition):
+    r"""Output plus :math:`A_c \cos\theta + A_s \sin\theta`, :math:`\theta = \Omega t + \theta_0`: a part that rotates.
+
+    Unbalance of a shaft, ripple of a motor's torque, pulsation of a pump. Every test states the part's speed
+    :math:`\Omega` as ``rotational_speed`` [rad/s], and its angle at the first sample as ``shaft_angle`` [rad]. Where a
+    test does not state the angle, there was no encoder: the term is :math:`A_o \cos((1 + e_o) \Omega t + \theta_o)`
+    then, with an angle :math:`\theta_o` per test and an error :math:`e_o` of the speed, both estimated. Fingerprint:
+    one line at :math:`\Omega / (2 \pi)`, whatever the input does.
+    """
+
+    name = "shaft_order"
+    title = "once-per-turn variation of a rotating part"
+    family = "non-uniformity of rotating parts"
+    on = ("output",)
+    parameters: tuple[Parameter, ...] = tuple(
+        Parameter(
+            f"A_o{suffix}", TARGET_UNIT, -500.0, 500.0, 14.0, description=f"{part} of the variation", neutral=0.0,
+            scales=powers(output=1),
+        )
+        for suffix, part in (("c", "cosine"), ("s", "sine"))
+    )  # fmt: skip
+    inputs = (TIME,)
+    conditions: tuple[Condition, ...] = (
+        Condition("rotational_speed", "rad/s", None, "speed of what rotates"),
+        Condition("shaft_angle", "rad", 0.0, "angle of what rotates at the first sample"),
+    )
+    of_rig = True
+
+    def __init__(self, angle_known: bool = True) -> None:
+        self.angle_known = angle_known
+        if not angle_known:
+            amplitude = Parameter(
+                "A_o", TARGET_UNIT, 0.0, 500.0, 20.0, description="amplitude of the variation", neutral=0.0,
+                scales=powers(output=1),
+            )  # fmt: skip
+            self.parameters = (amplitude, *unknown_turn("o", "shaft"))
+            self.conditions = tuple(one for one in self.conditions if one.name != "shaft_angle")
+
+    def for_tests(self, stated: Collection[str]) -> Effect:
+        """With an angle per test where some test does not state it."""
+        return ShaftOrder("shaft_angle" in stated)
+
+    def term(self, s: Symbols) -> ca.SX:
+        """Variation of the output."""
+        turned = s.rotational_speed * s.time
+        if not self.angle_known:
+            return s.A_o * ca.cos((1 + s.e_o) * turned + s.theta_o)
+        angle = turned + s.shaft_angle
+        return s.A_oc * ca.cos(angle) + s.A_os * ca.sin(angle)
 
 
 class DrumRunout(Scaling):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from other_rigs_cases.cases import CASES, RIGS, Case, Cell
 from other_rigs_cases.excitation import COUNT, SAMPLE, Test, held_out, planned
 from other_rigs_cases.noise import noise
 from other_rigs_cases.rig import Rig, Units
+from other_rigs_cases.sensor import ROTATION
 from other_rigs_cases.strength import STRONG, WEAK, Specimen, Strength, strengthened
 from other_rigs_cases.tyre import SLOW_COUNT, SLOW_STEP, SPEED, STROKE, stroke
 
@@ -42,7 +43,8 @@ def make(cell: Cell, seed: int, folder: Path) -> str:
     coloured = np.stack([noise(rng, cell.noise, COUNT) for _ in range(clean.shape[1])], axis=1)
     noisy = (clean + strong.noise * coloured) * units.output
     stated = case.kind != "no encoder" and (case.effect == "wheel_order" or bool(rng.integers(2)))
-    measured = [_measurement(rig, units, t, noisy[:, k], stated) for k, t in enumerate([*tests, *unseen])]
+    speed = rotational_speed(units) if not rig.rolling and (stated or case.kind == "no encoder") else {}
+    measured = [_measurement(rig, units, t, noisy[:, k], stated, speed) for k, t in enumerate([*tests, *unseen])]
     if rig.rolling:
         still = specimen.standing(knobs, values) + strong.noise * noise(rng, cell.noise, SLOW_COUNT)
         measured.insert(len(tests), _standing(still))
@@ -70,9 +72,16 @@ def _label(cell: Cell, case: Case, strong: Strength, target: float, seed: int) -
     }  # fmt: skip
 
 
-def _measurement(rig: Rig, units: Units, test: Test, output: FloatArray, stated: bool) -> Measurement:
+def rotational_speed(units: Units) -> dict[str, float]:
+    """Condition of a rig on which a part rotates: its speed, as a nameplate states it, to three digits."""
+    return {"rotational_speed": float(f"{ROTATION / units.time:.3g}")}
+
+
+def _measurement(
+    rig: Rig, units: Units, test: Test, output: FloatArray, stated: bool, speed: Mapping[str, float]
+) -> Measurement:
     time = np.arange(COUNT) * SAMPLE
-    conditions = {"longitudinal_velocity": SPEED * test.speed} if rig.rolling else {}
+    conditions = {"longitudinal_velocity": SPEED * test.speed} if rig.rolling else {**speed}
     if rig.rolling and stated:
         conditions |= {"wheel_phase": test.angle, "drum_phase": test.angle}
     experiment = Experiment(

@@ -65,6 +65,15 @@ CASES = (
     Case("damping that grows with the deflection", "stranger", "film", most=2.0, akin="non-linear damping"),
     Case("one-sided gain", "stranger", "one_sided", most=0.6),
     Case("rectified crosstalk of the drive", "stranger", "crosstalk", most=0.3),
+    Case(
+        "shaft order",
+        "no encoder",
+        "wheel_order",
+        "non-uniformity of rotating parts",
+        "shaft_order",
+        0.3,
+        ("joint", "damper", "structure", "oscillator"),
+    ),
 )
 
 
