@@ -18,7 +18,9 @@ READING = (
     "band), and needs no library; a term that mofit may propose is not counted here. Where they are not: a static "
     "process removes little in rigs with a resonance, and what is sparse in a training test may fail on another kind "
     "of record. None of them tells a drift, which needs the time of the campaign. The test of whiteness takes coloured "
-    "noise for a gap; the linear test of independence misses what shows in harmonics only."
+    "noise for a gap; the linear test of independence misses what shows in harmonics only. LISDD, with what is chosen "
+    "here, asks for a part of the operating range where the model is right: a cause that acts everywhere bends the "
+    "parameters that it fits there."
 )
 Rows = Sequence[Mapping[str, Any]]
 Row = Mapping[str, Mapping[str, Any]]
