@@ -13,7 +13,8 @@ three steps and a quasi-static test besides. The model under test is a shipped o
 `kelvin_voigt_damper`; `oscillator`), or a file as a user writes it (joint, structure).
 
 Hidden is nothing; an effect of the catalogue; a cause of the catalogue by a law of its own; a stranger; or, without
-encoder, a rotating part at a random angle per test, whose speed half of the other campaigns state, too. Noise is 1 % of the output's range. The effect is as strong as
+encoder, a rotating part at a random angle per test, whose speed half of the other campaigns state, too. Noise is 1 %
+of the output's range. The effect is as strong as
 makes the root mean square of the gap 3 to 10 times the noise, log-uniform, after a linear refit of all parameters of
 the rig; where its largest size stays below that, the noise is lowered instead, at most to 0.01 % of the range. What
 does not stand out even so is not counted. `mofit.diagnose` runs in a process of its own with a limit of wall time and
