@@ -28,7 +28,8 @@ def campaign(model, sizes, second=1.0):
     time = TIME * second
     values = {source.name: sizes[source.name] * DRIVE}
     measured = {output.name: sizes[output.name] * np.roll(DRIVE, 5)}
-    experiment = Experiment("multisine", "multisine", time, values, start_time=100.0 * second)
+    turning = {"rotational_speed": 40.0 / second}
+    experiment = Experiment("multisine", "multisine", time, values, turning, start_time=100.0 * second)
     units = {source.name: source.unit, output.name: output.unit}
     return Campaign("units", "simulated", {}, (Measurement(experiment, measured, units),))
 
