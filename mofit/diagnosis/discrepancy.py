@@ -12,12 +12,12 @@ from scipy.optimize import least_squares
 
 from mofit._typing import FloatArray
 from mofit.diagnosis.extended_tests import experiments_of
-from mofit.diagnosis.integration import SimulatorCache, clipped, with_enough_steps
+from mofit.diagnosis.integration import SimulatorCache, clipped, each_with_enough_steps
 from mofit.identification.calibration import Calibration
 from mofit.models import Effect, incompatibility, with_effects
 from mofit.models.model import RECORD_LENGTH, SAMPLE_INTERVAL
 from mofit.parameters import ParameterLayout, ParameterSpace
-from mofit.simulation import Simulator, objective_pairs
+from mofit.simulation import objective_pairs
 
 #: Runge–Kutta steps per sampling interval in the calibration tests, which are slow.
 _STEPS = 2
@@ -135,20 +135,18 @@ class CalibrationStages:
         derivatives are dependent. Without ``search`` 0 for a size that the stage would not feel over its whole range.
         """
         stage = calibration.problem
-        names = stage.space.names
+        names, model = stage.space.names, with_effects(stage.model, effect)
         system, simulator = self.simulators.simulator(
-            with_effects(stage.model, effect),
-            experiments_of(stage, (effect,)),
-            (*names, *effect.size),
-            _STEPS,
+            model, experiments_of(stage, (effect,)), (*names, *effect.size), _STEPS
         )
         layout = ParameterLayout(system.parameters, ParameterSpace(()), {**stage.layout.fixed, **start, **own})
 
-        def simulated(at: Simulator, point: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+        @lru_cache(maxsize=4)
+        def rows(steps: int, point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
             """Whitened residual (m,) and minus its derivative by the stage's parameters and the size, (m, k + q)."""
             here = layout.with_fixed(dict(zip(names, point, strict=True)))
             residuals, slopes = [], []
-            outputs = at.sensitivities(here.full(np.zeros((1, 0))))
+            outputs = simulator.with_steps(steps).sensitivities(here.full(np.zeros((1, 0))))
             for weight, (test, y) in zip(stage.noise.weights, objective_pairs(stage.experiments), strict=True):
                 experiment, (output, slope) = stage.experiments[test], outputs[test]
                 scale = np.sqrt(weight * experiment.weights[:, y])
@@ -156,16 +154,10 @@ class CalibrationStages:
                 slopes.append(scale[:, None] * slope[0, :, y])
             return np.concatenate(residuals), np.concatenate(slopes)
 
-        @lru_cache(maxsize=4)
-        def rows(steps: int | None, point: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
-            return simulated(simulator if steps is None else simulator.with_steps(steps), point)
-
         point = np.array([start[name] for name in names])
         varied = (*stage.space.parameters, *ParameterSpace(effect.parameters).subset(effect.size).parameters)
         ranges = np.array([parameter.upper - parameter.lower for parameter in varied])
-        steps = simulator.steps
-        if effect.states:
-            steps = _fine_enough(simulator, ranges, lambda at: rows(at.steps, tuple(point.tolist()))).steps
+        steps = _enough_steps(ranges, lambda steps: rows(steps, tuple(point.tolist()))) if model.dynamic else _STEPS
 
         # trial steps may leave what can be simulated
         with suppress(ValueError, np.linalg.LinAlgError), np.errstate(over="ignore", divide="ignore", invalid="ignore"):
@@ -194,14 +186,15 @@ def _needs_more_than_a_record(effect: Effect) -> bool:
     return bool(effect.inputs or {*effect.conditions} - {SAMPLE_INTERVAL, RECORD_LENGTH})
 
 
-def _fine_enough(
-    simulator: Simulator, ranges: FloatArray, rows: Callable[[Simulator], tuple[FloatArray, FloatArray]]
-) -> Simulator:
-    """The simulator with as many steps as residual and derivatives by parameters with these ``ranges`` need."""
+def _enough_steps(ranges: FloatArray, rows: Callable[[int], tuple[FloatArray, FloatArray]]) -> int:
+    """As many as residual and derivatives by parameters with these ``ranges`` need."""
 
     def change(coarse: FloatArray, fine: FloatArray) -> float:
         residual, *slopes = np.linalg.norm(fine - coarse, axis=0)
         allowed = _SENSITIVITY_CHANGE * np.linalg.norm(fine, axis=0)[1:] + _OUTPUT_CHANGE / ranges
         return float(max(residual / _OUTPUT_CHANGE, np.max(slopes / allowed)))
 
-    return with_enough_steps(simulator, lambda at: clipped(np.column_stack(rows(at))), change, 1.0, _STEPS)[0]
+    taken, _ = each_with_enough_steps(
+        lambda steps, _: clipped(np.column_stack(rows(steps)))[None], change, 1.0, 1, _STEPS
+    )
+    return int(taken[0])

@@ -115,7 +115,7 @@ def _classes_figure(before: Mapping[str, Any], after: Mapping[str, Any], unit: s
     return panels.figure(
         "Gap per test and spectral class, before and after",
         "Root mean square of the gap per test and class of spectral lines: constant; odd, even and half multiples of "
-        "the excitation frequency; orders of what rotates; the rest. Bold: significant at 1 % over the whole map. A "
+        "the excitation frequency; rotational orders; the rest. Bold: significant at 1 % over the whole map. A "
         "click on a cell opens the spectrum and the time trace of its test.",
         good="no cell on the right is bold.",
         bad="cells on the right are bold as well: no named effect explains what is left there.",
